@@ -1,0 +1,105 @@
+"""Trained networks on disk: weights as safetensors, all else as JSON; never a pickle."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+
+from dipcg.config import ModelConfig
+from dipcg.denoiser import Estimator
+from dipcg.generators import Generator, load_generator
+from dipcg.space import ParameterSpace
+
+WEIGHTS, CARD = "model.safetensors", "card.json"
+SHIPPED = Path(__file__).parent / "checkpoints"
+
+
+class CheckpointError(ValueError):
+    """A checkpoint that cannot be used, with a sentence that says why and what to do."""
+
+
+def save_checkpoint(folder: str | Path, model: Estimator, generator: Generator, about: dict[str, Any]) -> None:
+    """Write weights (half precision) and a card with the space, the configuration and what `about` adds."""
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    weights = {k: v.half() if v.is_floating_point() else v for k, v in model.state_dict().items()}
+    save_file({k: v.contiguous() for k, v in weights.items()}, folder / WEIGHTS)
+    card = {
+        "generator": generator.name,
+        "ref": generator.ref,
+        "fingerprint": generator.space.fingerprint,
+        "model": asdict(model.config),
+        **about,
+        "space": generator.space.describe(),
+    }
+    (folder / CARD).write_text(json.dumps(card, indent=1))
+
+
+def load_checkpoint(folder: str | Path) -> tuple[Estimator, Generator, dict[str, Any]]:
+    """Read a checkpoint: the network in evaluation mode, its generator and its card.
+
+    Raises CheckpointError when it is missing, damaged, or made for other parameters than the generator has now.
+    """
+    folder = Path(folder)
+    card = _read_card(folder)
+    generator = load_generator(card["ref"])
+    _check_space(generator.space, card, folder)
+    model = Estimator(generator.space, ModelConfig(**card["model"]))
+    _load_weights(model, folder / WEIGHTS)
+    return model.eval(), generator, card
+
+
+def find_checkpoint(name: str) -> Path:
+    """The folder of a checkpoint: the path itself, or the one that ships for the generator of this name."""
+    for folder in (Path(name), SHIPPED / name):
+        if (folder / CARD).is_file():
+            return folder
+    trained = ", ".join(shipped()) or "none"
+    raise CheckpointError(
+        f"There is no trained checkpoint for {name!r} (shipped: {trained}). "
+        f"Make one with `dipcg train {name} --data DIR`, or give its folder."
+    )
+
+
+def shipped() -> list[str]:
+    """Names of the generators with a checkpoint in the package."""
+    return sorted(card.parent.name for card in SHIPPED.glob(f"*/{CARD}"))
+
+
+def _read_card(folder: Path) -> dict[str, Any]:
+    try:
+        card = json.loads((folder / CARD).read_text())
+        return {key: card[key] for key in ("generator", "ref", "fingerprint", "model", "space")} | card
+    except (OSError, ValueError, KeyError) as error:
+        raise CheckpointError(f"{folder} is not a checkpoint: its {CARD} cannot be read ({error}).") from None
+
+
+def _load_weights(model: Estimator, path: Path) -> None:
+    try:
+        weights = {k: v.float() if v.is_floating_point() else v for k, v in load_file(path).items()}
+        model.load_state_dict(weights)
+    except (OSError, SafetensorError, RuntimeError) as error:
+        reason = str(error).splitlines()[0]
+        raise CheckpointError(f"The weights in {path} are damaged or cut short ({reason}); get them again.") from None
+
+
+def _check_space(space: ParameterSpace, card: dict[str, Any], folder: Path) -> None:
+    if space.fingerprint == card["fingerprint"]:
+        return
+    now, then = ({p["name"]: p for p in described} for described in (space.describe(), card["space"]))
+    changed = sorted(name for name in now.keys() | then.keys() if now.get(name) != then.get(name))
+    raise CheckpointError(
+        f"The checkpoint {folder} was trained for other parameters of {card['generator']!r}: "
+        f"{', '.join(changed) or 'their order'} differ. Train it again with `dipcg train`."
+    )
+
+
+def weights_in_half(model: torch.nn.Module) -> int:
+    """Bytes that the weights take on disk."""
+    return sum(2 * value.numel() for value in model.state_dict().values())

@@ -1,0 +1,196 @@
+"""The network: encoder, first guess, and the paper's transformer with one token per parameter.
+
+Besides the parameters, the camera is denoised as four more tokens (`camera.encode_view`). `x` below has both.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+
+from dipcg.camera import VIEW_NUMBERS
+from dipcg.config import ModelConfig
+from dipcg.encoders import Features, build_encoder
+from dipcg.space import Choice, ParameterSpace
+
+KeysValues = list[tuple[Tensor, Tensor]]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A guess at the clean `x`: the expectation of every entry, and a logit per option of every choice."""
+
+    mean: Float[Tensor, "b d"]
+    logits: Float[Tensor, "b k"]
+
+
+@dataclass(frozen=True)
+class Condition:
+    """All that the denoiser needs of a picture, computed once and not per step."""
+
+    keys_values: KeysValues
+    summary: Float[Tensor, "b w"]
+    guess: Float[Tensor, "b d"]
+
+    def repeat(self, times: int) -> Condition:
+        """Each picture `times` times in a row."""
+        pairs = [(k.repeat_interleave(times, 0), v.repeat_interleave(times, 0)) for k, v in self.keys_values]
+        return Condition(pairs, self.summary.repeat_interleave(times, 0), self.guess.repeat_interleave(times, 0))
+
+
+class Estimator(nn.Module):
+    """From pictures to parameters and camera, for one parameter space."""
+
+    def __init__(self, space: ParameterSpace, config: ModelConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.encoder = build_encoder(config)
+        self.outputs = Outputs(space)
+        self.guess = nn.Linear(config.summary, self.outputs.numbers)
+        self.denoiser = Denoiser(self.outputs, config, self.encoder.channels)  # type: ignore[arg-type]
+
+    def first_guess(self, features: Features) -> Prediction:
+        """Direct regression from the summary: the cheap baseline, and the denoiser's starting point."""
+        return self.outputs(self.guess(features.summary))
+
+    def condition(self, features: Features) -> Condition:
+        """What the denoiser attends to; the guess is not trained through it."""
+        return self.denoiser.condition(features, self.first_guess(features).mean.detach())
+
+
+class Outputs(nn.Module):
+    """Turns raw network outputs into a `Prediction`: reals bounded, choices as categories over pieces of [-1, 1]."""
+
+    centres: Tensor
+    owner: Tensor
+    is_choice: Tensor
+
+    def __init__(self, space: ParameterSpace) -> None:
+        super().__init__()
+        self.dimension = len(space) + VIEW_NUMBERS
+        choices = [(i, p) for i, p in enumerate(space) if isinstance(p, Choice)]
+        centres = [centre for _, p in choices for centre in p.centres]
+        owner = [i for i, p in choices for _ in p.options]
+        chosen = torch.zeros(self.dimension, dtype=torch.bool)
+        chosen[[i for i, _ in choices]] = True
+        self.register_buffer("centres", torch.tensor(centres, dtype=torch.float32), persistent=False)
+        self.register_buffer("owner", torch.tensor(owner, dtype=torch.long), persistent=False)
+        self.register_buffer("is_choice", chosen, persistent=False)
+        self.numbers = self.dimension + len(owner)
+
+    def forward(self, raw: Float[Tensor, "b n"]) -> Prediction:
+        raw = raw.float()
+        real, logits = torch.tanh(raw[:, : self.dimension]), raw[:, self.dimension :]
+        expected = self._sum(self.log_probabilities(logits).exp() * self.centres)
+        return Prediction(torch.where(self.is_choice, expected, real), logits)
+
+    def log_probabilities(self, logits: Float[Tensor, "b k"]) -> Float[Tensor, "b k"]:
+        """A log softmax over the options of each choice."""
+        logits = logits - logits.amax(1, keepdim=True).detach()
+        return logits - self._sum(logits.exp()).clamp_min(1e-30).log()[:, self.owner]
+
+    def modes(self, prediction: Prediction) -> Float[Tensor, "b d"]:
+        """The likeliest option of each choice and the expectation of each real."""
+        x = prediction.mean.clone()
+        for i in self.owner.unique().tolist():
+            options = (self.owner == i).nonzero().flatten()
+            x[:, i] = self.centres[options][prediction.logits[:, options].argmax(1)]
+        return x
+
+    def choice_targets(self, x: Float[Tensor, "b d"]) -> Float[Tensor, "b k"]:
+        """1 for the option of each choice that lies nearest to `x`, 0 for the others."""
+        width = 2 / self._sum(torch.ones_like(self.centres)[None]).clamp_min(1)[:, self.owner]
+        return ((x[:, self.owner] - self.centres).abs() < width / 2 - 1e-6).float()
+
+    def _sum(self, values: Float[Tensor, "b k"]) -> Float[Tensor, "b d"]:
+        return values.new_zeros(len(values), self.dimension).index_add_(1, self.owner, values)
+
+
+class Denoiser(nn.Module):
+    """A diffusion transformer with cross-attention (paper, equation 2; Peebles & Xie 2023; adaLN-single of PixArt-α)."""
+
+    def __init__(self, outputs: Outputs, config: ModelConfig, channels: int) -> None:
+        super().__init__()
+        d, w = outputs.dimension, config.width
+        self.outputs, self.heads = outputs, config.heads
+        self.scale = nn.Parameter(torch.randn(3, d, w) * 0.5)  # of a token's noisy value, guess, and whether it is given
+        self.offset = nn.Parameter(torch.randn(d, w) * 0.5)
+        self.project = nn.Sequential(nn.Linear(channels, w), nn.GELU(approximate="tanh"), nn.Linear(w, w))
+        self.summary = nn.Linear(config.summary, w)
+        self.time = nn.Sequential(nn.Linear(256, w), nn.SiLU(), nn.Linear(w, w))
+        self.modulation = nn.Sequential(nn.SiLU(), nn.Linear(w, 6 * w))
+        self.blocks = nn.ModuleList(Block(w, config.heads) for _ in range(config.depth))
+        self.norm = nn.LayerNorm(w)
+        self.read = nn.Parameter(torch.zeros(d, w))
+        self.read_options = nn.Parameter(torch.zeros(len(outputs.owner), w))
+
+    def condition(self, features: Features, guess: Float[Tensor, "b d"]) -> Condition:
+        tokens = self.project(features.tokens)
+        pairs = [block.cross.keys_values(tokens) for block in self.blocks]  # type: ignore[union-attr]
+        return Condition(pairs, self.summary(features.summary), guess)
+
+    def forward(
+        self, x: Float[Tensor, "b d"], t: Float[Tensor, " b"], given: Bool[Tensor, "b d"], condition: Condition
+    ) -> Prediction:
+        """Predict the clean end of the path from `x` at time `t` (0 noise, 1 clean); `given` entries are clean already."""
+        inputs = torch.stack([x, condition.guess, given.to(x.dtype)], -1)
+        hidden = torch.einsum("bdi,idw->bdw", inputs, self.scale) + self.offset
+        signal = self.time(sinusoids(t, 256)) + condition.summary
+        modulation = self.modulation(signal).unflatten(1, (6, 1, -1))
+        for block, pair in zip(self.blocks, condition.keys_values, strict=True):
+            hidden = block(hidden, modulation, pair)
+        hidden = self.norm(hidden).float()
+        real = (hidden * self.read).sum(-1)
+        options = (hidden[:, self.outputs.owner] * self.read_options).sum(-1)
+        return self.outputs(torch.cat([real, options], 1))
+
+
+class Block(nn.Module):
+    """Self-attention among parameters, cross-attention to the picture, and an MLP, modulated by time and summary."""
+
+    def __init__(self, width: int, heads: int) -> None:
+        super().__init__()
+        self.shift = nn.Parameter(torch.randn(6, 1, width) / width**0.5)
+        self.norms = nn.ModuleList(nn.LayerNorm(width, elementwise_affine=False) for _ in range(2))
+        self.attend, self.cross = Attention(width, heads), Attention(width, heads)
+        self.mlp = nn.Sequential(nn.Linear(width, 4 * width), nn.GELU(approximate="tanh"), nn.Linear(4 * width, width))
+
+    def forward(self, hidden: Tensor, modulation: Tensor, keys_values: tuple[Tensor, Tensor]) -> Tensor:
+        shift_a, scale_a, gate_a, shift_m, scale_m, gate_m = (modulation + self.shift).unbind(1)
+        inner = self.norms[0](hidden) * (1 + scale_a) + shift_a
+        hidden = hidden + gate_a * self.attend(inner, self.attend.keys_values(inner))
+        hidden = hidden + self.cross(hidden, keys_values)
+        return hidden + gate_m * self.mlp(self.norms[1](hidden) * (1 + scale_m) + shift_m)
+
+
+class Attention(nn.Module):
+    """Multi-head attention whose keys and values can be computed ahead."""
+
+    def __init__(self, width: int, heads: int) -> None:
+        super().__init__()
+        self.heads = heads
+        self.queries, self.pairs = nn.Linear(width, width), nn.Linear(width, 2 * width)
+        self.output = nn.Linear(width, width)
+
+    def keys_values(self, tokens: Float[Tensor, "b t w"]) -> tuple[Tensor, Tensor]:
+        keys, values = self.pairs(tokens).chunk(2, -1)
+        return self._split(keys), self._split(values)
+
+    def forward(self, hidden: Float[Tensor, "b d w"], keys_values: tuple[Tensor, Tensor]) -> Float[Tensor, "b d w"]:
+        mixed = F.scaled_dot_product_attention(self._split(self.queries(hidden)), *keys_values)
+        return self.output(mixed.transpose(1, 2).flatten(2))
+
+    def _split(self, tokens: Tensor) -> Tensor:
+        return tokens.unflatten(2, (self.heads, -1)).transpose(1, 2)
+
+
+def sinusoids(t: Float[Tensor, " b"], width: int) -> Float[Tensor, "b {width}"]:
+    """Sine and cosine features of a time in [0, 1] (Vaswani et al. 2017)."""
+    rates = torch.exp(-math.log(10_000) * torch.arange(width // 2, device=t.device) / (width // 2))
+    angles = 1000 * t[:, None].float() * rates
+    return torch.cat([angles.cos(), angles.sin()], 1)

@@ -1,0 +1,54 @@
+"""A small residual network trained together with the denoiser: the default, needs nothing from a hub."""
+
+from __future__ import annotations
+
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from dipcg.config import ModelConfig
+from dipcg.encoders import Features
+
+IMAGE_SIZE = 128
+STAGES = ((64, 2), (128, 2), (256, 3))  # (channels, blocks) at a quarter, an eighth and a sixteenth of the side
+
+
+def build(config: ModelConfig) -> nn.Module:
+    return ConvEncoder(config.summary)
+
+
+class ConvEncoder(nn.Module):
+    """A ResNet (He et al. 2016) of three stages; its last map becomes 64 tokens, and flattened the summary."""
+
+    image_size = IMAGE_SIZE
+    channels = STAGES[-1][0]
+
+    def __init__(self, summary: int) -> None:
+        super().__init__()
+        layers: list[nn.Module] = [nn.Conv2d(3, 32, 3, 2, 1, bias=False), nn.BatchNorm2d(32), nn.ReLU()]
+        before = 32
+        for channels, blocks in STAGES:
+            layers += [_Block(before if i == 0 else channels, channels, 2 if i == 0 else 1) for i in range(blocks)]
+            before = channels
+        self.body = nn.Sequential(*layers)
+        cells = (IMAGE_SIZE // 16) ** 2
+        squeeze = nn.Conv2d(before, 32, 1)
+        self.pool = nn.Sequential(squeeze, nn.Flatten(), nn.Linear(32 * cells, summary), nn.LayerNorm(summary), nn.GELU())
+
+    def forward(self, images: Float[Tensor, "b 3 s s"]) -> Features:
+        maps = self.body((images - 0.5) * 4)
+        return Features(maps.flatten(2).transpose(1, 2), self.pool(maps))
+
+
+class _Block(nn.Module):
+    def __init__(self, before: int, channels: int, stride: int) -> None:
+        super().__init__()
+        self.first = nn.Sequential(
+            nn.Conv2d(before, channels, 3, stride, 1, bias=False), nn.BatchNorm2d(channels), nn.ReLU()
+        )
+        self.second = nn.Sequential(nn.Conv2d(channels, channels, 3, 1, 1, bias=False), nn.BatchNorm2d(channels))
+        self.skip: nn.Module = nn.Identity()
+        if stride > 1:
+            self.skip = nn.Sequential(nn.AvgPool2d(stride), nn.Conv2d(before, channels, 1, bias=False), nn.BatchNorm2d(channels))
+
+    def forward(self, maps: Tensor) -> Tensor:
+        return (self.skip(maps) + self.second(self.first(maps))).relu()

@@ -1,0 +1,102 @@
+"""What a generator is: a file that declares a `space` and a function `build(params)`.
+
+Optional in the file: `build_light(params)` for a fast, coarse mesh of the same surface; `prepare()` for the slow imports
+that a worker does once, before it is timed; `views`, the range of cameras it is trained with; `mirrors`, for each parameter that a flipped picture changes, the one it becomes
+("-name" where the sign of its `x` turns); `needs`, the
+packages to install; `recycle_after`, the number of builds after which a worker process is replaced.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from dipcg import registry
+from dipcg.camera import ViewRange
+from dipcg.mesh import Mesh, make_mesh, simplify
+from dipcg.space import Params, ParameterSpace
+
+Detail = Literal["full", "light"]
+LIGHT_FACES = 3500
+
+
+@dataclass(frozen=True)
+class Generator:
+    """A pure function from parameters to a mesh, with the declaration of its parameters."""
+
+    name: str
+    ref: str
+    doc: str
+    space: ParameterSpace
+    build_full: Callable[[Params], Any]
+    build_light: Callable[[Params], Any] | None = None
+    prepare: Callable[[], None] = lambda: None
+    views: ViewRange = field(default_factory=ViewRange)
+    mirrors: Mapping[str, str] = field(default_factory=dict)
+    needs: tuple[str, ...] = ()
+    recycle_after: int = 10_000
+
+    @property
+    def missing(self) -> list[str]:
+        """The packages it needs that are not installed here."""
+        return [name for name in self.needs if find_spec(name) is None]
+
+    def check_installed(self) -> None:
+        """Raise ModuleNotFoundError with the command that helps when a needed package is missing."""
+        if self.missing:
+            raise ModuleNotFoundError(
+                f"The generator {self.name!r} needs {' and '.join(self.missing)}: "
+                "run `pip install 'dipcg[infinigen]'` (Python 3.11), then `dipcg doctor`."
+            )
+
+    def mirror(self, x: np.ndarray) -> np.ndarray:
+        """The parameters, as `x`, of the asset mirrored left to right."""
+        mirrored, index = x.copy(), {name: i for i, name in enumerate(self.space.names)}
+        for name, other in self.mirrors.items():
+            mirrored[index[name]] = x[index[other.lstrip("-")]] * (-1 if other.startswith("-") else 1)
+        return mirrored
+
+    def build(self, params: Params, detail: Detail = "full") -> Mesh:
+        """Build the mesh in this process; use `worker.BuildPool` for generators that run Blender.
+
+        Raises ValueError for an unusable mesh, and whatever the generator raises.
+        """
+        if detail == "full":
+            return as_mesh(self.build_full(params))
+        return simplify(as_mesh((self.build_light or self.build_full)(params)), LIGHT_FACES)
+
+
+def load_generator(ref: str) -> Generator:
+    """Load a generator by name, or by path to a Python file.
+
+    Raises LookupError for an unknown one and ValueError for a file that does not declare what it must.
+    """
+    module = registry.load("generators", ref)
+    for attribute in ("space", "build"):
+        if not hasattr(module, attribute):
+            raise ValueError(f"The generator {ref!r} must define `{attribute}`; see docs/extending.md.")
+    optional = {key: getattr(module, key) for key in _OPTIONAL if hasattr(module, key)}
+    doc = (module.__doc__ or "").strip()
+    return Generator(_name(ref), ref, doc, module.space, module.build, **optional)
+
+
+def as_mesh(built: Any) -> Mesh:
+    """What a build may return, as a checked mesh: a `Mesh`, a trimesh, or (vertices, faces)."""
+    if isinstance(built, Mesh):
+        return make_mesh(built.vertices, built.faces, built.parts, built.part_names)
+    if hasattr(built, "vertices") and hasattr(built, "faces"):
+        return make_mesh(built.vertices, built.faces)
+    vertices, faces = built
+    return make_mesh(vertices, faces)
+
+
+_OPTIONAL = ("build_light", "prepare", "views", "mirrors", "needs", "recycle_after")
+
+
+def _name(ref: str) -> str:
+    return Path(ref).stem if ref.endswith(".py") else ref

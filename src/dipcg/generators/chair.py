@@ -1,0 +1,206 @@
+"""Infinigen's chair with the paper's 48 parameters.
+
+A thin adapter: it sets attributes of `ChairFactory` and calls the factory's own methods, part by part. Where the factory
+draws a number while it builds (the smoothness of the back, where the seat is widest), the middle of its range is taken.
+The published pair `leg_offset_bar` is one range for both kinds of bars in the factory; here `leg_offset_bar0` is the
+height of the y bars and `leg_offset_bar1` of the x bars. Source: Infinigen Indoors (Raistrick et al. 2024) for the
+factory, the published DI-PCG parameters (Zhao et al. 2024, supplement) for the list and the ranges.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from dipcg.camera import ViewRange
+from dipcg.generators._infinigen import (
+    Piece,
+    clean_blender,
+    coarse_modifiers,
+    import_infinigen,
+    middle,
+    read_piece,
+    replaced,
+    silence,
+)
+from dipcg.mesh import Mesh, join
+from dipcg.space import Choice, Params, ParameterSpace, Real
+
+_SLANTED = {"leg_type": ("straight", "up-curved", "down-curved")}
+_CURVED = {"leg_type": ("up-curved", "down-curved")}
+_ARM = {"has_arm": (True,)}
+_FLAT_ARM = {"has_arm": (True,), "is_leg_round": (False,)}  # round-legged chairs get tubes for arms
+_PARTIAL = {"back_type": ("partial",)}
+_SLATS = {"back_type": ("horizontal-bar",)}
+_SPINDLES = {"back_type": ("vertical-bar",)}
+_OFF_ON = (False, True)
+
+space = ParameterSpace(
+    Real("width", 0.3, 0.8, unit="m", doc="of the seat, along x", group="seat"),
+    Real("size", 0.35, 0.5, unit="m", doc="depth of the seat, along y", group="seat"),
+    Real("thickness", 0.02, 0.1, unit="m", doc="of the seat", group="seat"),
+    Choice("bevel_width", (0.1, 0.5), unit="of thickness", doc="how round edges are", group="seat"),
+    Real("seat_back", 0.6, 1.0, unit="of width", doc="width of the seat at the back", group="seat"),
+    Real("seat_mid", 0.7, 0.8, unit="of depth", doc="where the side of the seat bends", group="seat"),
+    Real("seat_mid_z", 0.0, 0.7, unit="of thickness", doc="rise of the side of the seat", group="seat"),
+    Real("seat_front", 1.0, 1.2, unit="of depth", doc="how far the front bulges", group="seat"),
+    Choice("is_seat_round", _OFF_ON, doc="rounded front corners", group="seat"),
+    Choice("is_seat_subsurf", _OFF_ON, doc="softened outline of the seat", group="seat"),
+    Real("leg_thickness", 0.02, 0.07, unit="m", doc="of legs and bars", group="leg"),
+    Real("limb_profile", 1.5, 2.5, doc="how strongly legs curve", group="leg", when=_CURVED),
+    Real("leg_height", 0.2, 1.0, unit="m", doc="from floor to seat", group="leg"),
+    Choice("is_leg_round", _OFF_ON, doc="Infinigen's name: beveled square legs and tubes for arms; else tubes for legs and flat arms", group="leg"),
+    Choice("leg_type", ("vertical", "straight", "up-curved", "down-curved"), doc="shape of the legs", group="leg"),
+    Choice("has_leg_x_bar", _OFF_ON, doc="bars between left and right legs", group="bar"),
+    Choice("has_leg_y_bar", _OFF_ON, doc="bars between front and back legs", group="bar"),
+    Real("leg_offset_bar0", 0.1, 0.9, unit="of leg height", doc="y bars below the seat", group="bar", when={"has_leg_y_bar": (True,)}),
+    Real("leg_offset_bar1", 0.1, 0.9, unit="of leg height", doc="x bars below the seat", group="bar", when={"has_leg_x_bar": (True,)}),
+    Real("leg_x_offset", 0.0, 0.2, unit="of width", doc="feet outwards", group="leg", when=_SLANTED),
+    Real("leg_y_offset0", 0.0, 0.2, unit="of depth", doc="back feet backwards", group="leg", when=_SLANTED),
+    Real("leg_y_offset1", 0.0, 0.2, unit="of depth", doc="front feet forwards", group="leg", when=_SLANTED),
+    Choice("has_arm", _OFF_ON, doc="has arms", group="arm"),
+    Real("arm_thickness", 0.02, 0.07, unit="m", doc="of the arms", group="arm", when=_ARM),
+    Real("arm_height", 0.6, 1.0, unit="of arm thickness", doc="upright thickness of flat arms", group="arm", when=_FLAT_ARM),
+    Real("arm_y", 0.5, 1.0, unit="of depth", doc="where arms meet the seat", group="arm", when=_ARM),
+    Real("arm_z", 0.25, 0.6, unit="of back height", doc="where arms meet the back", group="arm", when=_ARM),
+    Real("arm_mid0", -0.03, 0.03, unit="m", doc="bend of the arms, along x", group="arm", when=_ARM),
+    Real("arm_mid1", -0.03, 0.2, unit="m", doc="bend of the arms, along y", group="arm", when=_ARM),
+    Real("arm_mid2", -0.09, 0.03, unit="m", doc="bend of the arms, along z", group="arm", when=_ARM),
+    Real("arm_profile0", 0.0, 2.0, doc="reach of the curve before the bend", group="arm", when=_ARM),
+    Real("arm_profile1", 0.0, 2.0, doc="reach of the curve after the bend", group="arm", when=_ARM),
+    Real("back_height", 0.3, 0.6, unit="m", doc="above the seat", group="back"),
+    Real("back_thickness", 0.02, 0.07, unit="m", doc="of posts and panel", group="back"),
+    Choice("back_type", ("whole", "partial", "horizontal-bar", "vertical-bar"), doc="what fills the back", group="back"),
+    Choice("back_vertical_cuts", (1, 2, 3, 4), doc="number of upright bars", group="back", when=_SPINDLES),
+    Real("back_partial_scale", 1.0, 1.4, doc="how far a partial panel is shifted back", group="back", when=_PARTIAL),
+    Real("back_x_offset", -0.1, 0.15, unit="of width", doc="top of the posts inwards", group="back", when=_SLANTED),
+    Real("back_y_offset", 0.0, 0.4, unit="of depth", doc="top of the posts backwards", group="back", when=_SLANTED),
+    Real("back_profile_partial", 0.4, 0.8, unit="of back height", doc="lower edge of a partial panel", group="back", when=_PARTIAL),
+    Choice("back_profile_horizontal_ncuts", (2, 3, 4), doc="number of slats", group="back", when=_SLATS),
+    *(
+        Real(f"back_profile_horizontal_locs{i}", 1.0, 2.0, unit="share", doc=f"height of slat {i + 1} with its gap", group="back", when=when)
+        for i, when in enumerate((_SLATS, _SLATS, _SLATS | {"back_profile_horizontal_ncuts": (3, 4)}, _SLATS | {"back_profile_horizontal_ncuts": (4,)}))
+    ),
+    Real("back_profile_horizontal_ratio", 0.2, 0.8, unit="of slat", doc="gap below each slat", group="back", when=_SLATS),
+    Real("back_profile_horizontal_lowest", 0.0, 0.4, unit="of back height", doc="where slats start", group="back", when=_SLATS),
+    Real("back_profile_vertical", 0.8, 0.9, unit="of back height", doc="lower edge of the top rail", group="back", when=_SPINDLES),
+)
+views = ViewRange(azimuth_deg=(-180, 180), elevation_deg=(-5, 50))
+needs = ("infinigen", "bpy")
+recycle_after = 250
+
+_MODULE = "infinigen.assets.objects.seating.chairs.chair"
+
+
+@functools.cache
+def prepare() -> Any:
+    """Import Infinigen and make the one factory that every build of this process sets up anew."""
+    module = import_infinigen(_MODULE)
+    with silence():
+        return module.ChairFactory(0)
+
+
+def build(params: Params) -> Mesh:
+    return _build(params, contextlib.nullcontext())
+
+
+def build_light(params: Params) -> Mesh:
+    """Tubes of 12 sides instead of 32, bevels of 2 steps instead of 8, no subdivision that leaves the shape as it is."""
+    module = import_infinigen(_MODULE)
+    tube, subdivide = module.geo_radius, module.subsurf
+
+    def geo_radius(nodes: Any, radius: Any, resolution: int = 6, **settings: Any) -> Any:
+        return tube(nodes, radius, min(resolution, 12), **settings)
+
+    def subsurf(obj: Any, levels: int, simple: bool = False) -> None:
+        subdivide(obj, 0 if simple else levels, simple)
+
+    with replaced(module.butil, modify_mesh=coarse_modifiers(module.butil)):
+        return _build(params, replaced(module, geo_radius=geo_radius, subsurf=subsurf))
+
+
+def _build(params: Params, detail: contextlib.AbstractContextManager[None]) -> Mesh:
+    factory, module = prepare(), import_infinigen(_MODULE)
+    clean_blender()
+    for name, value in _attributes(params).items():
+        setattr(factory, name, value)
+    # The factory marks faces for its materials with a node graph each; the pieces say the same for nothing.
+    marks = replaced(module, uniform=middle, write_attribute=lambda *args, **settings: None)
+    with silence(), marks, detail:
+        return join(list(_pieces(factory, params)))
+
+
+def _pieces(factory: Any, p: Params) -> Iterator[Piece]:
+    """The parts in the order in which the factory needs them: bars and panels follow the centre lines of thin limbs."""
+    seat, legs, backs = factory.make_seat(), factory.make_legs(), factory.make_backs()
+    bars = [*_bars(factory, legs, "x", p["leg_offset_bar1"]), *_bars(factory, legs, "y", p["leg_offset_bar0"])]
+    arms = factory.make_arms(seat, backs) if p["has_arm"] else []
+    panels = factory.make_back_decors(backs)
+    legs = [factory.solidify(leg, 2) for leg in legs]
+    posts = [factory.solidify(post, 2, factory.back_thickness) for post in backs]
+    for part, objects in (("seat", [seat]), ("leg", legs), ("back", posts + panels), ("arm", arms), ("bar", bars)):
+        yield from (read_piece(part, obj) for obj in objects)
+
+
+def _bars(factory: Any, legs: list[Any], axis: str, height: Any) -> list[Any]:
+    """The bars along one axis alone, since the factory draws the heights of both from one range."""
+    wanted = getattr(factory, f"has_leg_{axis}_bar")
+    factory.has_leg_x_bar, factory.has_leg_y_bar = (wanted and axis == "x"), (wanted and axis == "y")
+    factory.leg_offset_bar = (height, height)
+    bars = factory.make_leg_decors(legs)
+    setattr(factory, f"has_leg_{axis}_bar", wanted)
+    return bars
+
+
+def _attributes(p: Any) -> dict[str, Any]:
+    """Attributes of the factory, in its units, from the parameters in theirs."""
+    same = [name for name in space.names if name not in _TRANSLATED and not name.startswith("back_profile")]
+    slanted = p["leg_type"] != "vertical"
+    widest = p["seat_back"] + p["seat_mid"] * (1 - p["seat_back"])
+    return {name: p[name] for name in same} | {
+        "bevel_width": p["thickness"] * p["bevel_width"],
+        "seat_mid_x": (widest + 1) / 2,
+        "arm_height": p["arm_height"] * p["arm_thickness"],
+        "arm_y": p["arm_y"] * p["size"],
+        "arm_z": p["arm_z"] * p["back_height"],
+        "arm_mid": np.array([p["arm_mid0"], p["arm_mid1"], p["arm_mid2"]]),
+        "arm_profile": (p["arm_profile0"], p["arm_profile1"]),
+        "leg_x_offset": slanted * p["leg_x_offset"] * p["width"],
+        "leg_y_offset": (slanted * p["leg_y_offset0"] * p["size"], slanted * p["leg_y_offset1"] * p["size"]),
+        "back_x_offset": slanted * p["back_x_offset"] * p["width"],
+        "back_y_offset": slanted * p["back_y_offset"] * p["size"],
+        "back_profile": _back_profile(p),
+    }
+
+
+_TRANSLATED = {
+    *("bevel_width", "arm_height", "arm_y", "arm_z", "arm_mid0", "arm_mid1", "arm_mid2", "arm_profile0", "arm_profile1"),
+    *("leg_x_offset", "leg_y_offset0", "leg_y_offset1", "back_x_offset", "back_y_offset"),
+    *("leg_offset_bar0", "leg_offset_bar1"),
+}
+
+
+def _back_profile(p: Any) -> list[tuple[float, float]]:
+    """Spans of the back's height that are filled."""
+    match p["back_type"]:
+        case "partial":
+            return [(p["back_profile_partial"], 1.0)]
+        case "vertical-bar":
+            return [(p["back_profile_vertical"], 1.0)]
+        case "horizontal-bar":
+            return _slats(p)
+        case _:
+            return [(0.0, 1.0)]
+
+
+def _slats(p: Any) -> list[tuple[float, float]]:
+    count, lowest = p["back_profile_horizontal_ncuts"], p["back_profile_horizontal_lowest"]
+    tops = np.cumsum([p[f"back_profile_horizontal_locs{i}"] for i in range(count)])
+    tops = tops / tops[-1]
+    bottoms = np.concatenate([[0], tops[:-1]])
+    bottoms = bottoms + p["back_profile_horizontal_ratio"] * (tops - bottoms)
+    return [(lowest + (1 - lowest) * low, lowest + (1 - lowest) * high) for low, high in zip(bottoms, tops, strict=True)]

@@ -1,0 +1,223 @@
+"""The only image preparation in the project: read a picture, cut the object out, crop it the way training pictures are.
+
+An image is `UInt8[np.ndarray, "h w 4"]` with straight alpha.
+"""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float32, UInt8
+from PIL import Image, ImageOps, UnidentifiedImageError
+
+Source = str | Path | bytes | Image.Image | np.ndarray
+RGBA = UInt8[np.ndarray, "h w 4"]
+Background = Literal["alpha", "plain", "photo"]
+
+MAX_PIXELS = 64_000_000
+MIN_SIDE = 16
+MAX_SIDE = 1024  # larger pictures are shrunk when read: no encoder sees more, and cutting out would take long
+MARGIN = 0.06  # free on either side of the object, as in training
+PLAIN_SHARE = 0.8  # of border pixels that look alike on a plain background
+PLAIN_DISTANCE = 14.0  # in CIELAB, the largest difference from the background's colour that is still background
+
+
+class ImageError(ValueError):
+    """A picture that cannot be used, with a sentence that says why and what to do."""
+
+
+def load_image(source: Source) -> RGBA:
+    """Read a picture from a path, bytes, a PIL image or an array, upright and with no side over `MAX_SIDE`.
+
+    Raises ImageError for anything that is not one usable picture.
+    """
+    if not isinstance(source, (str, Path)):
+        return _decode(source, "The picture")
+    path = Path(source)
+    if not path.is_file():
+        raise ImageError(f"There is no picture at {path}.")
+    try:
+        return _decode(path.read_bytes(), str(path))
+    except OSError as error:
+        raise ImageError(f"{path} cannot be read ({error.strerror}).") from None
+
+
+def cut_out(image: RGBA) -> tuple[RGBA, Background]:
+    """Make everything but the object transparent, and say which of the three cases it was.
+
+    alpha: the picture has transparency already. plain: the border has one colour. photo: anything else, cut by rembg
+    when it is installed and by GrabCut (Rother et al. 2004) when not. Raises ImageError when nothing is left.
+    """
+    if (image[..., 3] < 128).mean() > 0.005:
+        return _not_empty(image), "alpha"
+    plain = _border_is_plain(image)
+    alpha = _plain_alpha(image) if plain else _photo_alpha(image)
+    return _not_empty(np.dstack([image[..., :3], alpha])), "plain" if plain else "photo"
+
+
+def crop_to_object(image: RGBA, size: int, margin: float = MARGIN) -> UInt8[np.ndarray, "size size 4"]:
+    """A square picture of the object, centred, with `margin` of the side left free around its longer direction."""
+    ys, xs = np.nonzero(image[..., 3] > 32)
+    low, high = np.array([xs.min(), ys.min()]), np.array([xs.max() + 1, ys.max() + 1])
+    half = (high - low).max() / 2 / (1 - 2 * margin)
+    left, top = (low + high) / 2 - half
+    box = (left, top, left + 2 * half, top + 2 * half)
+    return _resize_premultiplied(image, box, size)
+
+
+def over_white(image: RGBA) -> UInt8[np.ndarray, "h w 3"]:
+    """The picture on a white ground."""
+    alpha = image[..., 3:].astype(np.float32) / 255
+    return np.rint(image[..., :3] * alpha + 255 * (1 - alpha)).astype(np.uint8)
+
+
+def prepare(source: Source, size: int) -> tuple[UInt8[np.ndarray, "size size 4"], Background]:
+    """From any picture to what an encoder is given: read, cut out, cropped to the object."""
+    image, background = cut_out(load_image(source))
+    return crop_to_object(image, size), background
+
+
+def edges(image: RGBA) -> UInt8[np.ndarray, "h w 4"]:
+    """Dark Canny edges (Canny 1986) on white, opaque: the paper's sketch condition."""
+    import cv2
+
+    grey = cv2.cvtColor(over_white(image), cv2.COLOR_RGB2GRAY)
+    drawn = cv2.Canny(grey, 60, 140) | cv2.Canny(image[..., 3], 100, 200)
+    return np.dstack([255 - drawn] * 3 + [np.full_like(drawn, 255)])
+
+
+def silhouette(image: RGBA) -> UInt8[np.ndarray, "h w 4"]:
+    """The object in plain dark grey: the paper's mask condition."""
+    return np.dstack([np.full((*image.shape[:2], 3), 60, np.uint8), image[..., 3]])
+
+
+def save_image(image: UInt8[np.ndarray, "h w c"], path: str | Path) -> None:
+    """Write a PNG."""
+    Image.fromarray(np.ascontiguousarray(image)).save(path)
+
+
+def _decode(source: bytes | Image.Image | np.ndarray, name: str) -> RGBA:
+    try:
+        return _to_rgba(_open(source, name), name)
+    except UnidentifiedImageError:
+        raise ImageError(f"{name} is not a picture in a known format; use PNG, JPEG or WebP.") from None
+    except Image.DecompressionBombError as error:
+        raise ImageError(f"{name} is too large: {error}") from None
+    except (OSError, SyntaxError, ValueError) as error:
+        if isinstance(error, ImageError):
+            raise
+        raise ImageError(f"{name} is damaged or cut short ({error}).") from None
+
+
+def _open(source: bytes | Image.Image | np.ndarray, name: str) -> Image.Image:
+    if isinstance(source, Image.Image):
+        return source
+    if isinstance(source, bytes):
+        if not source:
+            raise ImageError(f"{name} is empty (0 bytes).")
+        return Image.open(io.BytesIO(source))
+    if source.dtype != np.uint8 or source.shape[2:] not in ((), (3,), (4,)) or source.ndim < 2 or not source.size:
+        got = f"{source.dtype} of shape {source.shape}"
+        raise ImageError(f"{name} must be an array of uint8 of shape (h, w), (h, w, 3) or (h, w, 4), got {got}.")
+    return Image.fromarray(source)
+
+
+def _to_rgba(picture: Image.Image, name: str) -> RGBA:
+    width, height = picture.size
+    if width * height > MAX_PIXELS:
+        raise ImageError(f"{name} has {width} × {height} pixels; at most {MAX_PIXELS / 1e6:.0f} million are read.")
+    if min(width, height) < MIN_SIDE:
+        raise ImageError(f"{name} has {width} × {height} pixels; at least {MIN_SIDE} × {MIN_SIDE} are needed.")
+    if picture.mode.startswith("I"):  # 16 bits: PIL would clip instead of scale
+        picture = Image.fromarray((np.asarray(picture, np.int64) >> 8).clip(0, 255).astype(np.uint8))
+    upright = (ImageOps.exif_transpose(picture) or picture).convert("RGBA")
+    upright.thumbnail((MAX_SIDE, MAX_SIDE), Image.Resampling.BOX)  # PIL weighs colours by alpha
+    return np.array(upright)
+
+
+def _not_empty(image: RGBA) -> RGBA:
+    share = (image[..., 3] > 32).mean()
+    if share < 0.002:
+        raise ImageError("No object was found in the picture: it is all background. Use one that shows the object.")
+    return image
+
+
+def _lab(image: RGBA) -> Float32[np.ndarray, "h w 3"]:
+    import cv2
+
+    return cv2.cvtColor(image[..., :3].astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
+
+
+def _border(values: np.ndarray) -> np.ndarray:
+    return np.concatenate([values[0], values[-1], values[:, 0], values[:, -1]])
+
+
+def _from_background(image: RGBA) -> Float32[np.ndarray, "h w"]:
+    lab = _lab(image)
+    return np.linalg.norm(lab - np.median(_border(lab), axis=0), axis=-1)
+
+
+def _border_is_plain(image: RGBA) -> bool:
+    return bool((_border(_from_background(image)) < PLAIN_DISTANCE).mean() > PLAIN_SHARE)
+
+
+def _plain_alpha(image: RGBA) -> UInt8[np.ndarray, "h w"]:
+    """Opaque where the colour differs from the border's; holes between slats open too, shadows mostly vanish."""
+    import cv2
+
+    distance = _from_background(image)
+    sharp = PLAIN_DISTANCE / 2
+    alpha = np.clip((distance - sharp / 2) / sharp, 0, 1)
+    outside = _connected_to_border(distance < PLAIN_DISTANCE / 3)
+    light_inside = ~outside & (distance >= 1.0)  # a white seat on white is kept where something encloses it
+    alpha = np.where(outside, 0, np.maximum(alpha, 0.999 * light_inside))
+    alpha = cv2.medianBlur((alpha * 255).astype(np.uint8), 3) if min(image.shape[:2]) >= 200 else alpha * 255
+    return alpha.astype(np.uint8)
+
+
+def _connected_to_border(background: np.ndarray) -> np.ndarray:
+    import cv2
+
+    _, labels = cv2.connectedComponents(background.astype(np.uint8), connectivity=4)
+    touching = np.unique(_border(labels)[_border(background)])
+    return np.isin(labels, touching) & background
+
+
+def _photo_alpha(image: RGBA) -> UInt8[np.ndarray, "h w"]:
+    try:
+        from rembg import remove
+    except ImportError:
+        return _grabcut(image)
+    return np.asarray(remove(Image.fromarray(image[..., :3]), only_mask=True))
+
+
+def _grabcut(image: RGBA) -> UInt8[np.ndarray, "h w"]:
+    import cv2
+
+    height, width = image.shape[:2]
+    scale = min(1.0, 384 / max(height, width))
+    small = cv2.resize(np.ascontiguousarray(image[..., 2::-1]), None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    mask = np.zeros(small.shape[:2], np.uint8)
+    inset = [max(1, int(0.02 * side)) for side in (small.shape[1], small.shape[0])]
+    box = (*inset, small.shape[1] - 2 * inset[0], small.shape[0] - 2 * inset[1])
+    cv2.grabCut(small, mask, box, np.zeros((1, 65)), np.zeros((1, 65)), 5, cv2.GC_INIT_WITH_RECT)
+    return cv2.resize(np.where(mask & 1, 255, 0).astype(np.uint8), (width, height), interpolation=cv2.INTER_LINEAR)
+
+
+def _resize_premultiplied(
+    image: RGBA, box: tuple[float, float, float, float], size: int
+) -> UInt8[np.ndarray, "size size 4"]:
+    """Crop (beyond the borders too) and resize without letting hidden colours bleed in."""
+    alpha = image[..., 3:].astype(np.float32) / 255
+    bands = [*np.moveaxis(image[..., :3] * alpha, -1, 0), image[..., 3].astype(np.float32)]
+    pad = int(np.ceil(max(0, -box[0], -box[1], box[2] - image.shape[1], box[3] - image.shape[0])))
+    shifted = tuple(edge + pad for edge in box)
+    shrinks = box[2] - box[0] > size
+    kernel = Image.Resampling.BOX if shrinks else Image.Resampling.BILINEAR
+    padded = [Image.fromarray(np.pad(band, pad)) for band in bands]
+    resized = [np.asarray(band.resize((size, size), kernel, shifted)) for band in padded]
+    colour = np.dstack(resized[:3]) / np.maximum(resized[3][..., None] / 255, 1e-3)
+    return np.rint(np.dstack([colour, resized[3]]).clip(0, 255)).astype(np.uint8)

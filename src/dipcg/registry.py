@@ -1,0 +1,57 @@
+"""Finding plugins: a file in `generators/`, `encoders/` or `metrics/`, an entry point, or a path to a file.
+
+The file name is the key, and listing does not import.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from types import ModuleType
+
+from dipcg.space import did_you_mean
+
+KINDS = ("generators", "encoders", "metrics")
+
+
+def names(kind: str) -> list[str]:
+    """The names of all installed plugins of a kind, sorted, without importing any."""
+    return sorted({*_shipped(kind), *_entry_points(kind)})
+
+
+def load(kind: str, name: str) -> ModuleType:
+    """Import a plugin by name, or by path when the name ends in `.py`.
+
+    Raises LookupError with the nearest name when there is none.
+    """
+    if name.endswith(".py"):
+        return _load_file(Path(name))
+    if name in _shipped(kind):
+        return importlib.import_module(f"dipcg.{kind}.{name}")
+    if name in (strangers := _entry_points(kind)):
+        return strangers[name].load()
+    known = names(kind)
+    raise LookupError(
+        f"There is no {kind.removesuffix('s')} {name!r}.{did_you_mean(name, known)} Installed: {', '.join(known)}."
+    )
+
+
+def _shipped(kind: str) -> list[str]:
+    folder = Path(__file__).parent / kind
+    return sorted(path.stem for path in folder.glob("*.py") if not path.stem.startswith("_"))
+
+
+def _entry_points(kind: str) -> dict[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=f"dipcg.{kind}")}
+
+
+def _load_file(path: Path) -> ModuleType:
+    if not path.is_file():
+        raise LookupError(f"There is no file {path}.")
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

@@ -1,0 +1,211 @@
+"""Builds in child processes: kept warm, replaced before they slow down, stopped when they hang.
+
+Blender only ever runs in these. A child is `python -m dipcg.worker`, not a fork of the caller: no `__main__` guard is
+needed in the caller's script, and neither torch nor an OpenGL context is carried along.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from multiprocessing.connection import Connection, Pipe
+from typing import Any
+
+from dipcg.generators import Detail, load_generator
+from dipcg.mesh import Mesh
+from dipcg.space import Params
+
+START_TIMEOUT_S = 120.0
+AHEAD = 4  # builds per worker that `map` keeps waiting or done, so that no worker idles
+PR_SET_PDEATHSIG = 1  # from linux/prctl.h
+
+
+class BuildError(RuntimeError):
+    """One sample could not be built; `reason` is one of raised, timeout, crashed, start."""
+
+    def __init__(self, reason: str, message: str) -> None:
+        super().__init__(message)
+        self.reason = reason
+
+
+class BuildPool:
+    """`workers` child processes that build meshes of one generator; use as a context manager.
+
+    A build that takes longer than `timeout_s` costs that sample alone. Processes start at first use.
+    Raises LookupError for an unknown generator and ModuleNotFoundError when a package it needs is not installed.
+    """
+
+    def __init__(self, generator: str, workers: int = 1, timeout_s: float = 60.0) -> None:
+        self.generator = load_generator(generator)
+        self.generator.check_installed()
+        self.timeout_s = timeout_s
+        self._local = threading.local()
+        self._children: set[_Child] = set()
+        self._threads = ThreadPoolExecutor(workers, thread_name_prefix="build")
+        self._workers = workers
+
+    def build(self, params: Params, detail: Detail = "full") -> Mesh:
+        """Build one mesh; raises BuildError with a sentence that names the parameters."""
+        return self.submit(params, detail).result()
+
+    def submit(self, params: Params, detail: Detail = "full") -> Future[Mesh]:
+        """Start one build; the future's result is the mesh or a BuildError."""
+        return self._threads.submit(self._build, params, detail)
+
+    def map(self, many: Iterable[Params], detail: Detail = "light") -> Iterator[Mesh | BuildError]:
+        """Build many in parallel, in order; a failed one gives its error in its place.
+
+        Only a few are read and built ahead of what has been taken, so `many` may be endless.
+        """
+        ahead: deque[Future[Mesh]] = deque()
+        for params in many:
+            ahead.append(self.submit(params, detail))
+            if len(ahead) > AHEAD * self._workers:
+                yield _outcome(ahead.popleft())
+        while ahead:
+            yield _outcome(ahead.popleft())
+
+    def warm(self) -> None:
+        """Start every worker in the background, so that the first build need not wait."""
+        for _ in range(self._workers):
+            self._threads.submit(self._child)
+
+    def close(self) -> None:
+        """Stop all workers at once."""
+        self._threads.shutdown(wait=False, cancel_futures=True)
+        for child in list(self._children):
+            child.stop()
+        self._threads.shutdown(wait=True)
+        for child in list(self._children):  # one may have been started meanwhile
+            child.stop()
+
+    def __enter__(self) -> BuildPool:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _build(self, params: Params, detail: Detail) -> Mesh:
+        child = self._child()
+        try:
+            mesh = child.ask(params, detail, self.timeout_s)
+        except BuildError as error:
+            if error.reason != "raised":
+                self._discard(child)
+            raise BuildError(error.reason, f"{error} Parameters: {params}") from None
+        if child.builds >= self.generator.recycle_after:
+            self._discard(child)
+        return mesh
+
+    def _child(self) -> _Child:
+        if getattr(self._local, "child", None) is None:
+            self._local.child = _Child(self.generator.ref)
+            self._children.add(self._local.child)
+        return self._local.child
+
+    def _discard(self, child: _Child) -> None:
+        child.stop()
+        self._children.discard(child)
+        self._local.child = None
+
+
+class _Child:
+    """One process and the pipe to it; used by one thread."""
+
+    def __init__(self, ref: str) -> None:
+        self.builds = 0
+        self._ready = False
+        self._pipe, theirs = Pipe()
+        with theirs:
+            command = [sys.executable, "-m", "dipcg.worker", str(theirs.fileno()), ref]
+            self._process = subprocess.Popen(
+                command,
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,  # Ctrl-C in the terminal reaches the caller alone, who then stops us
+            )
+
+    def ask(self, params: Params, detail: Detail, timeout_s: float) -> Mesh:
+        if not self._ready:
+            self._receive(START_TIMEOUT_S, "start")
+            self._ready = True
+        self._send((params, detail))
+        self.builds += 1
+        return self._receive(timeout_s, "timeout")
+
+    def stop(self) -> None:
+        self._process.kill()
+        self._process.wait()
+        self._pipe.close()
+
+    def _send(self, message: Any) -> None:
+        with contextlib.suppress(OSError):  # a dead child is noticed when its answer is awaited
+            self._pipe.send(message)
+
+    def _receive(self, timeout_s: float, late: str) -> Any:
+        try:
+            if not self._pipe.poll(timeout_s):
+                raise BuildError(late, f"The build took longer than {timeout_s:g} s and was stopped.")
+            kind, value = self._pipe.recv()
+        except (EOFError, OSError):
+            raise BuildError("crashed", f"The worker process died (exit code {self._exit_code()}).") from None
+        if kind == "error":
+            raise BuildError("start" if late == "start" else "raised", value)
+        return value
+
+    def _exit_code(self) -> int:
+        try:
+            return self._process.wait(timeout=1)
+        except subprocess.TimeoutExpired:  # it closed the pipe and lives on
+            self._process.kill()
+            return self._process.wait()
+
+
+def _outcome(future: Future[Mesh]) -> Mesh | BuildError:
+    try:
+        return future.result()
+    except BuildError as error:
+        return error
+
+
+def _die_with_parent() -> None:
+    """Ask Linux to kill this process when the caller goes, however it goes and whatever is being built by then.
+
+    Elsewhere the closed pipe ends the process, after the build it is in.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def _serve(pipe: Connection, ref: str) -> None:
+    """The child's loop: prepare the generator once, then answer each (params, detail) with a mesh or a sentence."""
+    try:
+        generator = load_generator(ref)
+        generator.prepare()
+    except Exception as error:
+        return pipe.send(("error", f"The generator could not be loaded, {type(error).__name__}: {error}."))
+    pipe.send(("ready", None))
+    while True:
+        params, detail = pipe.recv()
+        try:
+            answer = ("mesh", generator.build(params, detail))
+        except Exception as error:
+            answer = ("error", f"The generator raised {type(error).__name__}: {error}.")
+        pipe.send(answer)
+
+
+if __name__ == "__main__":
+    _die_with_parent()
+    with contextlib.suppress(EOFError, BrokenPipeError, KeyboardInterrupt):
+        _serve(Connection(int(sys.argv[1])), sys.argv[2])
+    os._exit(0)  # Blender's own shutdown is slow and sometimes crashes

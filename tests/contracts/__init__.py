@@ -1,0 +1,1 @@
+"""What every plugin promises, checked for whatever the registry finds."""

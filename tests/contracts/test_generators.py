@@ -1,0 +1,252 @@
+"""What every generator promises, checked for whatever the registry finds."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from dipcg import registry
+from dipcg.camera import fit, world_to_camera
+from dipcg.generators import load_generator
+from dipcg.mesh import Mesh
+from dipcg.metrics import chamfer, surface_points
+from dipcg.space import Choice, ParameterSpace, Params, Real
+from dipcg.worker import BuildPool
+
+NAMES = registry.names("generators")
+SAMPLES = 6
+ROUNDS = 8  # of probing a parameter from other starting points before it counts as without effect
+
+declared = pytest.mark.parametrize("generator", [load_generator(name) for name in NAMES], ids=NAMES)
+
+
+def _built(name: str) -> pytest.param:
+    generator = load_generator(name)
+    marks = [pytest.mark.blender] if "bpy" in generator.needs else []
+    if generator.missing:
+        marks.append(pytest.mark.skip(reason=f"{' and '.join(generator.missing)} not installed"))
+    return pytest.param(name, marks=marks)
+
+
+@pytest.fixture(scope="module", params=[_built(name) for name in NAMES])
+def pool(request) -> Iterator[BuildPool]:
+    with BuildPool(request.param, workers=2) as pool:
+        yield pool
+
+
+@pytest.fixture(scope="module")
+def samples(pool) -> list[tuple[Params, Mesh]]:
+    """Random assets, built in full."""
+    rng = np.random.default_rng(0)
+    many = [pool.generator.space.sample(rng) for _ in range(SAMPLES)]
+    return list(zip(many, build_all(pool, many, "full"), strict=True))
+
+
+def build_all(pool: BuildPool, many: list[Params], detail: str) -> list[Mesh]:
+    meshes = list(pool.map(many, detail))
+    for mesh in meshes:
+        if isinstance(mesh, Exception):
+            raise mesh
+    return meshes
+
+
+def same(a: Mesh, b: Mesh) -> bool:
+    return np.array_equal(a.vertices, b.vertices) and np.array_equal(a.faces, b.faces)
+
+
+def differs(a: Mesh, b: Mesh) -> bool:
+    """Whether the shapes differ by more than rounding."""
+    return a.vertices.shape != b.vertices.shape or not np.allclose(a.vertices, b.vertices, atol=1e-5 * a.side)
+
+
+def points_of(*meshes: Mesh) -> list[np.ndarray]:
+    return [surface_points(mesh, 4000, np.random.default_rng(i)) for i, mesh in enumerate(meshes)]
+
+
+# The declaration: no Blender needed
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_imports_without_blender(name):
+    block = "import sys; sys.modules.update(bpy=None, infinigen=None, torch=None)"
+    load = f"from dipcg.generators import load_generator; load_generator({name!r})"
+    subprocess.run([sys.executable, "-c", f"{block}; {load}"], check=True)
+
+
+@declared
+def test_the_file_and_every_parameter_are_documented(generator):
+    assert generator.doc
+    assert [p.name for p in generator.space if not p.doc] == []
+    assert [p.name for p in generator.space if isinstance(p, Real) and not p.unit] == [], "reals without a unit"
+
+
+@declared
+def test_parameters_have_names_that_work_on_a_command_line(generator):
+    assert len(set(generator.space.names)) == len(generator.space)
+    assert all(name.isidentifier() for name in generator.space.names)
+
+
+@declared
+def test_decoding_undoes_encoding(generator):
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        params = generator.space.sample(rng)
+        assert generator.space.decode(generator.space.encode(params)) == pytest.approx(params, abs=1e-12)
+
+
+@declared
+def test_every_parameter_is_active_somewhere_and_every_conditional_one_not_everywhere(generator):
+    rng = np.random.default_rng(0)
+    for p in generator.space:
+        assert generator.space.is_active(p.name, activated(generator.space, p.name, rng))
+    active = np.mean([generator.space.active(generator.space.sample(rng)) for _ in range(300)], axis=0)
+    assert [p.name for p, share in zip(generator.space, active, strict=True) if p.when and share == 1] == []
+
+
+@declared
+def test_mirroring_twice_changes_nothing(generator):
+    x = np.random.default_rng(0).uniform(-1, 1, len(generator.space))
+    np.testing.assert_array_equal(generator.mirror(generator.mirror(x)), x)
+
+
+# The meshes
+
+
+def test_meshes_are_whole(samples):
+    for _, mesh in samples:
+        assert len(mesh.vertices) > 0
+        assert len(mesh.faces) > 0
+        assert np.isfinite(mesh.vertices).all()
+        assert mesh.faces.min() >= 0
+        assert mesh.faces.max() < len(mesh.vertices)
+        assert mesh.parts.max() < len(mesh.part_names)
+        assert mesh.side > 0
+
+
+def test_the_parts_seen_have_names_of_their_own(samples):
+    for _, mesh in samples:
+        assert len(set(mesh.part_names)) == len(mesh.part_names)
+
+
+def test_another_process_builds_the_same_to_the_last_vertex(pool, samples):
+    with BuildPool(pool.generator.ref) as other:
+        for params, mesh in reversed(samples):  # in another order: what was built before leaves no trace
+            assert same(other.build(params), mesh), params
+
+
+def test_light_meshes_have_the_shape_of_full_ones(pool, samples):
+    light = build_all(pool, [params for params, _ in samples], "light")
+    for (params, full), coarse in zip(samples, light, strict=True):
+        a, b, again = points_of(full, coarse, full)
+        assert chamfer.measure(a, b) < chamfer.measure(a, again) + 0.01, params
+
+
+def test_every_training_view_frames_it(pool, samples):
+    rng = np.random.default_rng(0)
+    for _, mesh in samples:
+        for view in (pool.generator.views.sample(rng) for _ in range(10)):
+            to_camera = world_to_camera(view, mesh.centre, mesh.side)
+            points = np.c_[mesh.vertices, np.ones(len(mesh.vertices))] @ to_camera.T
+            assert points[:, 2].max() < 0, "all of it lies before the camera"
+            seen = points @ fit(mesh.vertices, to_camera).T
+            assert np.abs(seen[:, :3] / seen[:, 3:]).max() <= 1
+
+
+def test_a_mirror_image_is_the_asset_of_the_mirrored_parameters(pool, samples):
+    """Training flips pictures, so a flipped asset must have the parameters it is said to have."""
+    space, mirror = pool.generator.space, pool.generator.mirror
+    mirrored = build_all(pool, [space.decode(mirror(space.encode(params))) for params, _ in samples], "full")
+    for (params, mesh), other in zip(samples, mirrored, strict=True):
+        a, b, again = points_of(mesh, other, mesh)
+        assert chamfer.measure(a * np.array([-1, 1, 1]), b) < 1.1 * chamfer.measure(a, again) + 0.001, params
+
+
+def test_inactive_values_never_change_the_mesh(pool):
+    rng = np.random.default_rng(1)
+    space = pool.generator.space
+    plain = [with_option(space, p, option, rng) for p in space if isinstance(p, Choice) for option in p.options]
+    noisy = [params | any_inactive_values(space, params, rng) for params in plain]
+    before, after = build_all(pool, plain, "light"), build_all(pool, noisy, "light")
+    for params, a, b in zip(plain, before, after, strict=True):
+        assert same(a, b), params
+
+
+def test_under_each_option_every_active_parameter_changes_the_mesh(pool):
+    rng = np.random.default_rng(2)
+    space = pool.generator.space
+    left = {(p.name, c.name, o) for p in space for c in space if isinstance(c, Choice) for o in c.options}
+    left = {pair for pair in left if joint(space, *pair, rng)}
+    for _ in range(ROUNDS):
+        left -= set(effects_seen(pool, probes(space, left, rng)))
+    assert not left, f"no effect of (parameter, under choice, option): {sorted(left, key=str)}"
+
+
+Pair = tuple[str, str, object]
+
+
+def probes(space: ParameterSpace, left: set[Pair], rng: np.random.Generator) -> list[tuple[str, Params, Params]]:
+    """For every pair left, the parameter changed far from a random start under that option; one probe serves several."""
+    chosen, covered = [], set()
+    for pair in sorted(left, key=str):
+        if pair in covered:
+            continue
+        start = joint(space, *pair, rng)
+        chosen.append((pair[0], start, space.replace(start, {pair[0]: far_value(space, pair[0], start, rng)})))
+        covered |= pairs_of(space, pair[0], start)
+    return chosen
+
+
+def effects_seen(pool: BuildPool, chosen: list[tuple[str, Params, Params]]) -> Iterator[Pair]:
+    before = build_all(pool, [start for _, start, _ in chosen], "light")
+    after = build_all(pool, [changed for _, _, changed in chosen], "light")
+    for (name, start, _), a, b in zip(chosen, before, after, strict=True):
+        if differs(a, b):
+            yield from pairs_of(pool.generator.space, name, start)
+
+
+def pairs_of(space: ParameterSpace, name: str, params: Params) -> set[Pair]:
+    return {(name, c.name, params[c.name]) for c in space if isinstance(c, Choice) and space.is_active(c.name, params)}
+
+
+def joint(space: ParameterSpace, name: str, choice: str, option: object, rng: np.random.Generator) -> Params | None:
+    """Random parameters under which `name` is active and `choice` is active and at `option`; None if that cannot be."""
+    for _ in range(20):
+        params = activated(space, name, rng, with_option(space, space[choice], option, rng))
+        if params[choice] == option and space.is_active(choice, params):
+            return params
+    return None
+
+
+def with_option(space: ParameterSpace, choice: Choice, option: object, rng: np.random.Generator) -> Params:
+    return space.canonical(activated(space, choice.name, rng) | {choice.name: option})
+
+
+def activated(space: ParameterSpace, name: str, rng: np.random.Generator, start: Params | None = None) -> Params:
+    """Random parameters, or the given ones, with choices set so that `name` is active."""
+    params = {p.name: any_value(p, rng) for p in space} if start is None else dict(start)
+    missing = [name]
+    while missing:
+        for other, allowed in space[missing.pop()].when.items():
+            missing.append(other)
+            if params[other] not in allowed:
+                params[other] = allowed[rng.integers(len(allowed))]
+    return space.canonical(params)
+
+
+def any_inactive_values(space: ParameterSpace, params: Params, rng: np.random.Generator) -> Params:
+    return {p.name: any_value(p, rng) for p in space if not space.is_active(p.name, params)}
+
+
+def any_value(parameter: Real | Choice, rng: np.random.Generator) -> object:
+    return parameter.decode(rng.uniform(-1, 1))
+
+
+def far_value(space: ParameterSpace, name: str, start: Params, rng: np.random.Generator) -> object:
+    """The farther end of a real parameter's range, or another option of a choice."""
+    parameter = space[name]
+    if isinstance(parameter, Real):
+        return parameter.low if parameter.encode(start[name]) > 0 else parameter.high
+    others = [option for option in parameter.options if option != start[name]]
+    return others[rng.integers(len(others))]
