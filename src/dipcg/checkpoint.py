@@ -15,13 +15,7 @@ from dipcg.config import ModelConfig
 from dipcg.denoiser import Estimator
 from dipcg.generators import Generator, load_generator
 from dipcg.space import ParameterSpace
-
-WEIGHTS, CARD = "model.safetensors", "card.json"
-SHIPPED = Path(__file__).parent / "checkpoints"
-
-
-class CheckpointError(ValueError):
-    """A checkpoint that cannot be used, with a sentence that says why and what to do."""
+from dipcg.weights import CARD, WEIGHTS, CheckpointError
 
 
 def save_checkpoint(folder: str | Path, model: Estimator, generator: Generator, about: dict[str, Any]) -> None:
@@ -55,23 +49,6 @@ def load_checkpoint(folder: str | Path) -> tuple[Estimator, Generator, dict[str,
     return model.eval(), generator, card
 
 
-def find_checkpoint(name: str) -> Path:
-    """The folder of a checkpoint: the path itself, or the one that ships for the generator of this name."""
-    for folder in (Path(name), SHIPPED / name):
-        if (folder / CARD).is_file():
-            return folder
-    trained = ", ".join(shipped()) or "none"
-    raise CheckpointError(
-        f"There is no trained checkpoint for {name!r} (shipped: {trained}). "
-        f"Make one with `dipcg train {name} --data DIR`, or give its folder."
-    )
-
-
-def shipped() -> list[str]:
-    """Names of the generators with a checkpoint in the package."""
-    return sorted(card.parent.name for card in SHIPPED.glob(f"*/{CARD}"))
-
-
 def _read_card(folder: Path) -> dict[str, Any]:
     try:
         card = json.loads((folder / CARD).read_text())
@@ -98,8 +75,3 @@ def _check_space(space: ParameterSpace, card: dict[str, Any], folder: Path) -> N
         f"The checkpoint {folder} was trained for other parameters of {card['generator']!r}: "
         f"{', '.join(changed) or 'their order'} differ. Train it again with `dipcg train`."
     )
-
-
-def weights_in_half(model: torch.nn.Module) -> int:
-    """Bytes that the weights take on disk."""
-    return sum(2 * value.numel() for value in model.state_dict().values())

@@ -92,6 +92,13 @@ def weld(mesh: Mesh, tolerance: float = 1e-5) -> Mesh:
     return Mesh(mesh.vertices[first], faces[solid], mesh.parts[solid], mesh.part_names)
 
 
+def drop_degenerate(mesh: Mesh, area: float = 1e-14) -> Mesh:
+    """The same mesh without triangles of less than `area` square metres."""
+    a, b, c = (mesh.vertices[mesh.faces[:, i]].astype(float) for i in range(3))
+    solid = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 2 * area
+    return Mesh(mesh.vertices, mesh.faces[solid], mesh.parts[solid], mesh.part_names)
+
+
 def compact(mesh: Mesh) -> Mesh:
     """The same surface without unused vertices, faces sorted by part."""
     order = np.argsort(mesh.parts, kind="stable")

@@ -30,9 +30,15 @@ def load(kind: str, name: str) -> ModuleType:
         return _load_file(Path(name))
     if name in _shipped(kind):
         return importlib.import_module(f"dipcg.{kind}.{name}")
-    if name in (strangers := _entry_points(kind)):
-        return strangers[name].load()
+    check(kind, name)
+    return _entry_points(kind)[name].load()
+
+
+def check(kind: str, name: str) -> None:
+    """Raise LookupError with the nearest name when no plugin of this kind has this name."""
     known = names(kind)
+    if name in known:
+        return
     raise LookupError(
         f"There is no {kind.removesuffix('s')} {name!r}.{did_you_mean(name, known)} Installed: {', '.join(known)}."
     )

@@ -127,6 +127,12 @@ class ParameterSpace:
             raise KeyError(f"There is no parameter {name!r}.{did_you_mean(name, list(self._index))}")
         return self.parameters[self._index[name]]
 
+    def find(self, name: str) -> tuple[int, Parameter]:
+        """Position in `x` and declaration of a parameter that a person named; raises ValueError with the nearest name."""
+        if name not in self:
+            raise ValueError(f"There is no parameter {name!r}.{did_you_mean(name, self.names)}")
+        return self._index[name], self[name]
+
     @property
     def names(self) -> list[str]:
         return [p.name for p in self.parameters]
@@ -181,9 +187,8 @@ class ParameterSpace:
         """The parameters with some values changed and checked; raises ValueError with a sentence."""
         changed = dict(params)
         for name, value in changes.items():
-            if name not in self:
-                raise ValueError(f"There is no parameter {name!r}.{did_you_mean(name, self.names)}")
-            changed[name] = self[name].check(value)
+            _, parameter = self.find(name)
+            changed[name] = parameter.check(value)
         return self.canonical(changed)
 
     def describe(self) -> list[dict[str, Any]]:

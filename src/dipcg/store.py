@@ -102,6 +102,19 @@ class Store:
             raise ValueError(f"{self.folder} has no finished shard yet; run `dipcg dataset build` with `--resume`.")
         return pa.concat_tables([_read_shard(path, columns) for path in self.shards])
 
+    def summary(self) -> dict[str, Any]:
+        """Counts, failures by reason and sizes."""
+        table = self.table(["number", "failure", "build_s"])
+        reasons = [reason for reason in table["failure"].to_pylist() if reason]
+        return {
+            "generator": self.info["generator"],
+            "seed": self.info["seed"],
+            "samples": table.num_rows,
+            "failed": {reason: reasons.count(reason) for reason in sorted(set(reasons))},
+            "splits": {s: sum(in_split(n, s) for n in table["number"].to_pylist()) for s in SPLITS},
+            "bytes": sum(path.stat().st_size for path in self.shards),
+        }
+
     def samples(self, split: str | None = None) -> Iterator[Sample]:
         """The rows of a split (train, validation or test; None for all), meshes decoded; failures have no mesh."""
         for row in self.table().to_pylist():

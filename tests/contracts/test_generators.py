@@ -187,7 +187,7 @@ Pair = tuple[str, str, object]
 
 
 def probes(space: ParameterSpace, left: set[Pair], rng: np.random.Generator) -> list[tuple[str, Params, Params]]:
-    """For every pair left, the parameter changed far from a random start under that option; one probe serves several."""
+    """For every pair left, the parameter changed far from a start under that option; a probe serves several."""
     chosen, covered = [], set()
     for pair in sorted(left, key=str):
         if pair in covered:

@@ -1,0 +1,166 @@
+"""Measuring estimates against shapes: the protocol of every table in docs/results.md.
+
+Each mesh is centred on its bounding box and scaled to longest side 1; each metric says in its file how many points it
+takes and what a failed build counts as. A failed build counts as the worst case and is never skipped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from dipcg import registry
+from dipcg.dataset import decode_mesh, load_shapes
+from dipcg.images import MARGIN, Source
+from dipcg.mesh import Mesh
+from dipcg.metrics import Metric, load_metric, normalise, surface_points
+from dipcg.metrics.chamfer import best_quarter_turn
+from dipcg.pipeline import Inverter
+from dipcg.render import Renderer, sample_look
+from dipcg.space import Params
+from dipcg.worker import BuildError
+
+PICTURE = 256  # side of the pictures made of a test split
+Sampler = Callable[[int, np.random.Generator], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One picture and the shape it shows; `sample(count, rng)` gives points of the surface in the measuring frame."""
+
+    name: str
+    image: Source
+    sample: Sampler
+    params: Params | None = None
+    mesh: Mesh | None = None
+
+
+@dataclass
+class Table:
+    """Values of every metric for every case, by row; a failed build is counted and has the worst values."""
+
+    metrics: list[Metric]
+    values: dict[str, dict[str, list[float]]] = field(default_factory=dict)
+    failures: dict[str, int] = field(default_factory=dict)
+
+    def add(self, row: str, values: dict[str, float], failed: bool = False) -> None:
+        for name, value in values.items():
+            self.values.setdefault(row, {}).setdefault(name, []).append(value)
+        self.failures[row] = self.failures.get(row, 0) + failed
+
+    def mean(self, row: str, metric: str) -> float | None:
+        found = self.values[row].get(metric)
+        return float(np.mean(found)) if found else None
+
+    def interval(self, row: str, metric: str, draws: int = 2000) -> tuple[float, float]:
+        """The 95 % bootstrap interval of the mean over cases (Efron 1979, percentiles)."""
+        values = np.array(self.values[row][metric])
+        means = values[np.random.default_rng(0).integers(len(values), size=(draws, len(values)))].mean(1)
+        low, high = np.percentile(means, [2.5, 97.5])
+        return float(low), float(high)
+
+    def to_dict(self) -> dict[str, dict[str, object]]:
+        """Means, intervals and failures as plain values."""
+        return {
+            row: {name: [self.mean(row, name), *self.interval(row, name)] for name in found}
+            | {"failures": self.failures[row]}
+            for row, found in self.values.items()
+        }
+
+
+def split_cases(folder: str | Path, count: int, seed: int = 0, split: str = "test") -> Iterator[Case]:
+    """Pictures of a data set's unseen shapes from random training views with random materials, on no background."""
+    generator, shapes = load_shapes(folder, split)
+    renderer, rng = Renderer(PICTURE), np.random.default_rng(seed)
+    for number in range(min(count, len(shapes.meshes))):
+        mesh = decode_mesh(shapes.meshes[number])
+        look = sample_look(rng, len(mesh.part_names))
+        image = renderer.render(mesh, generator.views.sample(rng), look, MARGIN)
+        params = generator.space.decode(shapes.x[number].astype(float))
+        yield Case(f"{split}-{number}", np.ascontiguousarray(image), _mesh_sampler(mesh), params, mesh)
+
+
+def pair_cases(folder: str | Path, prefix: str) -> Iterator[Case]:
+    """Pictures `NAME.png` with surface points `NAME.npz` (array `points`, `n 3`, Z up) whose names start so.
+
+    Raises ValueError when the folder has none.
+    """
+    pictures = [path for path in sorted(Path(folder).glob(f"{prefix}*.png")) if path.with_suffix(".npz").is_file()]
+    if not pictures:
+        raise ValueError(f"{folder} has no pair {prefix}*.png and {prefix}*.npz (with an array `points`).")
+    for path in pictures:
+        points = normalise(np.load(path.with_suffix(".npz"))["points"].astype(float))
+        yield Case(path.stem, path, lambda count, rng, points=points: rng.choice(points, count, count > len(points)))
+
+
+def evaluate(
+    inverter: Inverter,
+    cases: Iterable[Case],
+    candidates: int = 16,
+    steps: int = 10,
+    quarter_turns: bool = False,
+    metrics: list[str] | None = None,
+    report: Callable[[Case], None] = lambda case: None,
+) -> Table:
+    """Measure the noise floor, a random shape, the direct guess, the first and the most central of the candidates.
+
+    With `quarter_turns` an estimate is compared at the best of four turns about Z, for data with unknown fronts.
+    """
+    table = Table([column for name in metrics or registry.names("metrics") for column in load_metric(name).columns])
+    for number, case in enumerate(cases):
+        rng = np.random.default_rng([1, number])
+        if case.mesh is not None:
+            table.add("noise floor", _compare(table.metrics, case, case.mesh, None, rng, False, inverter))
+        for row, params in _rows(inverter, case, candidates, steps, rng):
+            mesh = _try_build(inverter, params)
+            values = _compare(table.metrics, case, mesh, params, rng, quarter_turns, inverter)
+            table.add(row, values, failed=mesh is None)
+        report(case)
+    return table
+
+
+def _rows(
+    inverter: Inverter, case: Case, candidates: int, steps: int, rng: np.random.Generator
+) -> Iterator[tuple[str, Params]]:
+    yield "prior (a random one)", inverter.generator.space.sample(rng)
+    yield "direct guess", inverter.guess(case.image).params
+    yield "first sample", inverter.estimate(case.image, 1, steps).params
+    yield f"estimate (of {candidates})", inverter.estimate(case.image, candidates, steps).params
+
+
+def _try_build(inverter: Inverter, params: Params) -> Mesh | None:
+    try:
+        return inverter.build(params, "light").mesh
+    except BuildError:
+        return None
+
+
+def _compare(
+    metrics: list[Metric],
+    case: Case,
+    mesh: Mesh | None,
+    params: Params | None,
+    rng: np.random.Generator,
+    quarter_turns: bool,
+    inverter: Inverter,
+) -> dict[str, float]:
+    values: dict[str, float] = {}
+    for count in sorted({metric.points for metric in metrics if metric.compares == "points"}):
+        truth, ours = case.sample(count, rng), None if mesh is None else surface_points(mesh, count, rng)
+        if ours is not None and quarter_turns:
+            ours = best_quarter_turn(ours, truth)
+        for metric in metrics:
+            if metric.compares == "points" and metric.points == count:
+                values[metric.name] = metric.worst if ours is None else metric.measure(ours, truth)
+    if case.params is not None and params is not None:
+        for metric in metrics:
+            if metric.compares == "params":
+                values[metric.name] = metric.measure(inverter.generator.space, case.params, params)
+    return values
+
+
+def _mesh_sampler(mesh: Mesh) -> Sampler:
+    return lambda count, rng: surface_points(mesh, count, rng)

@@ -1,0 +1,47 @@
+"""Pictures for people: the photo beside what was found, and contact sheets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import UInt8
+
+from dipcg.camera import View
+from dipcg.images import MARGIN, over_white, prepare, save_image
+from dipcg.mesh import Mesh
+from dipcg.pipeline import Estimate
+from dipcg.render import Renderer
+
+Tile = UInt8[np.ndarray, "s s 3"]
+SIDE = 384
+
+
+def side_by_side(estimate: Estimate, mesh: Mesh, path: str | Path | None = None) -> UInt8[np.ndarray, "h w 3"]:
+    """The picture as the model saw it, the result from the estimated camera, and the result turned by 60°."""
+    renderer = Renderer(SIDE)
+    turned = View(estimate.view.azimuth_deg + 60, 20, estimate.view.distance)
+    photo = prepare(np.ascontiguousarray(estimate.image), SIDE)[0]
+    drawn = [renderer.render(mesh, view, margin=MARGIN) for view in (estimate.view, turned)]
+    sheet = np.concatenate([over_white(image) for image in (photo, *drawn)], 1)
+    if path:
+        save_image(sheet, path)
+    renderer.close()
+    return sheet
+
+
+def contact_sheet(meshes: Sequence[Mesh], path: str | Path, columns: int = 8, side: int = 192) -> None:
+    """All meshes from the same camera in rows."""
+    renderer = Renderer(side)
+    tiles = [over_white(renderer.render(mesh, View(30, 20), margin=MARGIN)) for mesh in meshes]
+    renderer.close()
+    save_image(in_rows(tiles, columns), path)
+
+
+def in_rows(tiles: Sequence[Tile], columns: int) -> UInt8[np.ndarray, "h w 3"]:
+    """Square tiles in rows, the last one filled up with white."""
+    blank = np.full_like(tiles[0], 255)
+    full = [*tiles, *[blank] * (-len(tiles) % columns)]
+    rows = [np.concatenate(full[i : i + columns], 1) for i in range(0, len(full), columns)]
+    return np.concatenate(rows)

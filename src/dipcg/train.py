@@ -1,0 +1,209 @@
+"""Training: pictures rendered on the fly, the guess first, then the denoiser along with it, until the time is up.
+
+`state.safetensors` and `state.json` beside the checkpoint let a killed run go on; the checkpoint holds the averaged
+weights that were best on the validation split.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import torch
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from dipcg.checkpoint import save_checkpoint
+from dipcg.config import ModelConfig, TrainConfig
+from dipcg.dataset import Batch, Pictures, Shapes, load_shapes, loader
+from dipcg.denoiser import Estimator
+from dipcg.diffusion import denoising_loss, guess_loss, with_view
+from dipcg.generators import Generator
+from dipcg.validate import Validation, validate
+
+VALIDATE_EVERY_S = 120.0
+VALIDATION_PICTURES = 256
+
+
+@dataclass(frozen=True)
+class Status:
+    """Where a run stands, for a progress bar and for the log."""
+
+    share: float
+    pictures: int
+    loss: float
+    pictures_per_s: float
+    waiting: float
+    """share of the time spent waiting for pictures"""
+    validation: Validation | None
+
+
+def train(
+    data: str | Path,
+    out: str | Path,
+    config: TrainConfig,
+    model_config: ModelConfig,
+    report: Callable[[Status], None] = lambda status: None,
+) -> Estimator:
+    """Train on a data set until `config.minutes` are over and write the best weights to `out`; resumes a killed run.
+
+    Raises ValueError when the data set is unusable or `out` holds another run.
+    """
+    torch.manual_seed(config.seed)
+    generator, shapes = load_shapes(data, "train")
+    run = Run(Estimator(generator.space, model_config), config, Path(out), generator)
+    checks = _validation_batch(data, run.model, config.seed)
+    batches = iter(loader(_pictures(generator, shapes, run.model, config), config.workers))
+    for status in run.steps(batches, checks):
+        report(status)
+    return run.averaged
+
+
+class Run:
+    """The state of one training: weights, their average, the optimiser, the clock."""
+
+    def __init__(self, model: Estimator, config: TrainConfig, out: Path, generator: Generator) -> None:
+        self.config, self.out, self.generator = config, out, generator
+        self.device = choose_device(config.device)
+        self.model = model.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.averaged = Estimator(generator.space, model.config).to(self.device)
+        self.averaged.load_state_dict(self.model.state_dict())
+        self.optimiser = torch.optim.AdamW(self.model.parameters(), 1e-3, (0.9, 0.98), weight_decay=config.weight_decay)
+        self.elapsed_s, self.pictures, self.step, self.best = 0.0, 0, 0, math.inf
+        self._resume()
+
+    @property
+    def share(self) -> float:
+        return min(1.0, self.elapsed_s / (60 * self.config.minutes))
+
+    def steps(self, batches: Iterator[Batch], checks: Batch) -> Iterator[Status]:
+        """Step until the time is up; validates and saves every two minutes and at the end."""
+        started, before, waited, checked = time.monotonic(), self.elapsed_s, 0.0, self.elapsed_s
+        while self.share < 1:
+            asked = time.monotonic()
+            batch = next(batches)
+            waited += time.monotonic() - asked
+            loss = self.learn(batch)
+            self.elapsed_s = before + time.monotonic() - started
+            found = None
+            if self.elapsed_s - checked > VALIDATE_EVERY_S or self.share >= 1:
+                found, checked = self.check(checks), self.elapsed_s
+            if found or self.step % 20 == 0:
+                busy = time.monotonic() - started
+                rate = self.pictures / max(self.elapsed_s, 1e-6)
+                yield Status(self.share, self.pictures, loss, rate, waited / max(busy, 1e-6), found)
+
+    def learn(self, batch: Batch) -> float:
+        """One step on one batch."""
+        self._set_rate()
+        loss = self._loss(Batch(*(part.to(self.device, non_blocking=True) for part in batch)))
+        self.optimiser.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(self.model.parameters(), 1.0)
+        self.optimiser.step()
+        self._average()
+        self.step, self.pictures = self.step + 1, self.pictures + len(batch.x)
+        return float(loss.detach())
+
+    def check(self, checks: Batch) -> Validation:
+        """Validate the averaged weights, keep them if they are the best, and save the state."""
+        found = validate(self.averaged, Batch(*(part.to(self.device) for part in checks)))
+        if found.score <= self.best or self.share >= 1:
+            self.best = min(self.best, found.score)
+            about = {"train": asdict(self.config), "pictures": self.pictures, "seconds": round(self.elapsed_s)}
+            save_checkpoint(self.out, self.averaged, self.generator, about | {"validation": asdict(found)})
+        self._save_state()
+        return found
+
+    def _loss(self, batch: Batch) -> Tensor:
+        images = batch.images.float() / 255
+        active = with_view(batch.active)
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=has_bfloat16(self.device)):
+            features = self.model.encoder(images.contiguous(memory_format=torch.channels_last))
+            guess = self.model.first_guess(features)
+            loss = guess_loss(self.model, guess, batch.x, active)
+            if self.share < self.config.denoiser_from:
+                return loss
+            draws = self.config.draws
+            condition = self.model.condition(features).repeat(draws)
+            x, active = batch.x.repeat_interleave(draws, 0), active.repeat_interleave(draws, 0)
+            return loss + denoising_loss(self.model, condition, x, active, self.config.lock)
+
+    def _set_rate(self) -> None:
+        warm = min(1.0, self.share / 0.02)
+        rate = self.config.learning_rate * warm * (0.01 + 0.99 * (1 + math.cos(math.pi * self.share)) / 2)
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+
+    @torch.no_grad()
+    def _average(self) -> None:
+        decay = min(self.config.ema, (1 + self.step) / (10 + self.step))
+        ours, theirs = self.averaged.state_dict(), self.model.state_dict()
+        floats = [key for key, value in ours.items() if value.is_floating_point()]
+        torch._foreach_lerp_([ours[key] for key in floats], [theirs[key] for key in floats], 1 - decay)
+
+    def _save_state(self) -> None:
+        tensors = {f"model.{k}": v for k, v in self.model.state_dict().items()}
+        tensors |= {f"averaged.{k}": v for k, v in self.averaged.state_dict().items()}
+        for index, entry in self.optimiser.state_dict()["state"].items():
+            tensors |= {f"optimiser.{index}.{k}": torch.as_tensor(v) for k, v in entry.items()}
+        clock = {"elapsed_s": self.elapsed_s, "pictures": self.pictures, "step": self.step, "best": self.best}
+        for path in (self.out / "state.safetensors", self.out / "state.json"):  # the clock last: it says all is written
+            unfinished = path.with_suffix(".tmp")
+            if path.suffix == ".json":
+                unfinished.write_text(json.dumps(clock | {"model": asdict(self.model.config)}))
+            else:
+                save_file({k: v.contiguous() for k, v in tensors.items()}, unfinished)
+            unfinished.replace(path)
+
+    def _resume(self) -> None:
+        if not (self.out / "state.json").is_file():
+            return
+        clock = json.loads((self.out / "state.json").read_text())
+        if clock.pop("model") != asdict(self.model.config):
+            raise ValueError(f"{self.out} holds a run of another model; choose another folder or delete it.")
+        tensors = load_file(self.out / "state.safetensors", device=str(self.device))
+        self.model.load_state_dict(_under("model.", tensors))
+        self.averaged.load_state_dict(_under("averaged.", tensors))
+        _load_optimiser(self.optimiser, _under("optimiser.", tensors))
+        self.__dict__.update(clock)
+
+
+def choose_device(name: str) -> torch.device:
+    """The named device, or with `auto` the GPU when there is one."""
+    return torch.device(("cuda" if torch.cuda.is_available() else "cpu") if name == "auto" else name)
+
+
+def has_bfloat16(device: torch.device) -> bool:
+    """Whether the device computes in bfloat16 rather than emulating it."""
+    if device.type == "cuda":
+        return torch.cuda.is_bf16_supported()
+    return torch.cpu._is_avx512_bf16_supported()
+
+
+def _pictures(generator: Generator, shapes: Shapes, model: Estimator, config: TrainConfig) -> Pictures:
+    size = int(model.encoder.image_size)  # type: ignore[arg-type]
+    return Pictures(generator, shapes, size, config.batch, config.repeats, config.seed)
+
+
+def _validation_batch(data: str | Path, model: Estimator, seed: int) -> Batch:
+    """The same pictures of unseen shapes for every run, under the conditions of training."""
+    generator, shapes = load_shapes(data, "validation")
+    config = replace(TrainConfig(), batch=VALIDATION_PICTURES, repeats=1, seed=seed + 1)
+    return next(iter(loader(_pictures(generator, shapes, model, config), 1)))
+
+
+def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    return {key.removeprefix(prefix): value for key, value in tensors.items() if key.startswith(prefix)}
+
+
+def _load_optimiser(optimiser: torch.optim.Optimizer, tensors: dict[str, Tensor]) -> None:
+    state: dict[int, dict[str, Tensor]] = {}
+    for key, value in tensors.items():
+        index, name = key.split(".", 1)
+        state.setdefault(int(index), {})[name] = value
+    optimiser.load_state_dict(optimiser.state_dict() | {"state": state})

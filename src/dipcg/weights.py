@@ -1,0 +1,36 @@
+"""Where trained checkpoints are found, without loading one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dipcg import registry
+
+WEIGHTS, CARD = "model.safetensors", "card.json"
+SHIPPED = Path(__file__).parent / "checkpoints"
+
+
+class CheckpointError(ValueError):
+    """A checkpoint that cannot be used, with a sentence that says why and what to do."""
+
+
+def shipped() -> list[str]:
+    """Names of the generators with a checkpoint in the package."""
+    return sorted(card.parent.name for card in SHIPPED.glob(f"*/{CARD}"))
+
+
+def find_checkpoint(name: str) -> Path:
+    """The folder of a checkpoint: the path itself, or the one that ships for the generator of this name.
+
+    Raises LookupError for the name of no generator, CheckpointError when it has no checkpoint.
+    """
+    for folder in (Path(name), SHIPPED / name):
+        if (folder / CARD).is_file():
+            return folder
+    if "/" not in name:
+        registry.check("generators", name)
+    trained = ", ".join(shipped()) or "none"
+    raise CheckpointError(
+        f"There is no trained checkpoint for {name!r} (shipped: {trained}). "
+        f"Make one with `dipcg train {name} --data DIR`, or give its folder."
+    )
