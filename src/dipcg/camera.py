@@ -27,17 +27,23 @@ class View:
 
 @dataclass(frozen=True)
 class ViewRange:
-    """The views a generator is looked at from in training, each drawn uniformly (distance by its inverse)."""
+    """The views a generator is looked at from in training: elevation and nearness uniform, azimuths denser in the middle.
+
+    An azimuth is the middle plus half the range times u |u|^(concentration - 1) for a uniform u in [-1, 1]: with 1.5,
+    63 % of the views of a full circle see the front, since that is what people photograph.
+    """
 
     azimuth_deg: Range = (-180.0, 180.0)
     elevation_deg: Range = (-5.0, 50.0)
     distance: Range = (1.5, 6.0)
+    concentration: float = 1.5
 
     def sample(self, rng: np.random.Generator) -> View:
-        low, high = self.distance
-        return View(
-            rng.uniform(*self.azimuth_deg), rng.uniform(*self.elevation_deg), 1 / rng.uniform(1 / high, 1 / low)
-        )
+        """Draw one view."""
+        (left, right), (low, high) = self.azimuth_deg, self.distance
+        u = rng.uniform(-1, 1)
+        azimuth = (left + right) / 2 + (right - left) / 2 * u * abs(u) ** (self.concentration - 1)
+        return View(azimuth, rng.uniform(*self.elevation_deg), 1 / rng.uniform(1 / high, 1 / low))
 
 
 def camera_position(view: View, centre: Float[np.ndarray, "3"], side: float) -> Float[np.ndarray, "3"]:

@@ -53,7 +53,10 @@ def build_all(pool: BuildPool, many: list[Params], detail: str) -> list[Mesh]:
 
 
 def same(a: Mesh, b: Mesh) -> bool:
-    return np.array_equal(a.vertices, b.vertices) and np.array_equal(a.faces, b.faces)
+    """Equal faces, and vertices to a millionth of the side: Blender's bevel rounds by where memory happened to lie."""
+    if a.vertices.shape != b.vertices.shape or not np.array_equal(a.faces, b.faces):
+        return False
+    return bool(np.abs(a.vertices - b.vertices).max() < 1e-6 * a.side)
 
 
 def differs(a: Mesh, b: Mesh) -> bool:
@@ -168,7 +171,7 @@ def test_inactive_values_never_change_the_mesh(pool):
     space = pool.generator.space
     plain = [with_option(space, p, option, rng) for p in space if isinstance(p, Choice) for option in p.options]
     noisy = [params | any_inactive_values(space, params, rng) for params in plain]
-    before, after = build_all(pool, plain, "light"), build_all(pool, noisy, "light")
+    before, after = build_all(pool, plain, "full"), build_all(pool, noisy, "full")
     for params, a, b in zip(plain, before, after, strict=True):
         assert same(a, b), params
 

@@ -9,7 +9,7 @@ from dipcg.config import ModelConfig
 from dipcg.encoders import Features
 
 IMAGE_SIZE = 128
-STAGES = ((64, 2), (128, 2), (256, 3))  # (channels, blocks) at a quarter, an eighth and a sixteenth of the side
+STAGES = ((64, 2), (128, 2), (192, 2))  # (channels, blocks) at a quarter, an eighth and a sixteenth of the side
 
 
 def build(config: ModelConfig) -> nn.Module:

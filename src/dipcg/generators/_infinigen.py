@@ -99,7 +99,10 @@ def clean_blender() -> None:
 
 
 def read_piece(part: str, obj: Any) -> Piece:
-    """A Blender object's mesh in world axes as (part, vertices, triangles)."""
+    """A Blender object's mesh in world axes as (part, vertices, triangles), triangles in an order of our own.
+
+    Blender lists the faces of one and the same mesh in an order that depends on memory addresses.
+    """
     mesh = obj.data
     vertices = np.empty(3 * len(mesh.vertices), np.float32)
     corners = np.empty(len(mesh.loops), np.int32)
@@ -108,5 +111,12 @@ def read_piece(part: str, obj: Any) -> Piece:
     mesh.loops.foreach_get("vertex_index", corners)
     mesh.polygons.foreach_get("loop_total", sizes)
     matrix = np.array(obj.matrix_basis, np.float32)
-    return part, vertices.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3], triangulate(sizes, corners)[0]
+    triangles = _sorted(triangulate(sizes, corners)[0])
+    return part, vertices.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3], triangles
+
+
+def _sorted(triangles: np.ndarray) -> np.ndarray:
+    first = triangles.argmin(1)[:, None]
+    turned = np.take_along_axis(triangles, (first + np.arange(3)) % 3, 1)
+    return turned[np.lexsort(turned.T[::-1])]
 

@@ -1,0 +1,26 @@
+"""How near estimates come: a test split (`DIPCG_BENCH_DATA`) and pairs of picture and points (`DIPCG_BENCH_PAIRS`)."""
+
+import os
+
+from dipcg.evaluate import evaluate, pair_cases, split_cases
+from dipcg.pipeline import Inverter
+from dipcg.terminal import table
+
+COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "100"))
+
+
+def main() -> None:
+    data, pairs = os.environ.get("DIPCG_BENCH_DATA"), os.environ.get("DIPCG_BENCH_PAIRS")
+    if not data and not pairs:
+        print("Skipped: set DIPCG_BENCH_DATA to a folder of `dipcg dataset build`, or DIPCG_BENCH_PAIRS to one of pairs.")
+    with Inverter.load("chair", workers=2) as inverter:
+        if data:
+            print(f"Test split, {COUNT} shapes:\n")
+            print(table(evaluate(inverter, split_cases(data, COUNT))))
+        if pairs:
+            print("\nPairs, at the best of four quarter turns:\n")
+            print(table(evaluate(inverter, pair_cases(pairs, "chair"), quarter_turns=True)))
+
+
+if __name__ == "__main__":
+    main()

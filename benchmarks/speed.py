@@ -1,0 +1,36 @@
+"""From a picture to parameters and to a file, warm and cold, with the checkpoint that ships."""
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from benchmarks.timing import header, machine, row, seconds
+from dipcg.pipeline import Inverter
+
+PICTURE = Path(__file__).parent.parent / "examples/images/chair.png"
+
+
+def main() -> None:
+    print(machine() + "\n")
+    header("what", "median s", "95 % s")
+    with tempfile.TemporaryDirectory() as folder, Inverter.load("chair") as inverter:
+        target = Path(folder) / "chair.glb"
+        inverter.pool.build(inverter.estimate(PICTURE).params)
+
+        def to_glb() -> None:
+            inverter.estimate(PICTURE).build().export(target)
+
+        command = [sys.executable, "-m", "dipcg.cli", "estimate", str(PICTURE), "-g", "chair", "-o", str(target)]
+        _row("picture to parameters, 1 candidate", *seconds(lambda: inverter.estimate(PICTURE, candidates=1)))
+        _row("picture to parameters, 16 candidates", *seconds(lambda: inverter.estimate(PICTURE, candidates=16)))
+        _row("picture to GLB at full detail, warm worker", *seconds(to_glb))
+        _row("`dipcg estimate` from a cold start", *seconds(lambda: subprocess.run(command, check=True), 3))
+
+
+def _row(what: str, median: float, late: float) -> None:
+    row(what, f"{median:.3f}", f"{late:.3f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,250 @@
+"""Data sets on disk: packing keeps the shape, a build goes on wherever it was killed, other folders are refused."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import trimesh
+
+from dipcg import store
+from dipcg.codec import decode_mesh, encode_mesh
+from dipcg.generators import load_generator
+from dipcg.mesh import Mesh, make_mesh
+from dipcg.store import SPLITS, Progress, Store, build_dataset, in_split
+from dipcg.worker import BuildPool
+
+SHARD = 4
+
+
+@pytest.fixture(autouse=True)
+def small_shards(monkeypatch) -> None:
+    monkeypatch.setattr(store, "SHARD", SHARD)
+
+
+def rows(folder: Path) -> pa.Table:
+    """All that is stored, without the one column that is measured."""
+    return Store(folder).table().drop_columns(["build_s"])
+
+
+def write_generator(folder: Path, body: str, low: float = 1.0) -> str:
+    """A generator file with one parameter `size`, whose build is a triangle of that size after running `body`."""
+    path = folder / "triangle.py"
+    path.write_text(
+        "import time\nfrom dipcg.space import ParameterSpace, Real\n"
+        f"space = ParameterSpace(Real('size', {low}, 2.0))\n"
+        f"def build(params):\n    size = params['size']\n    {body}\n"
+        "    return [[0, 0, 0], [size, 0, 0], [0, size, 0]], [[0, 1, 2]]\n"
+    )
+    return str(path)
+
+
+# Packed meshes
+
+
+def shapes() -> dict[str, Mesh]:
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    parts = (ball.triangles_center[:, 2] > 0) + 2 * (ball.triangles_center[:, 0] > 0.5)
+    box, rng = load_generator("box"), np.random.default_rng(0)
+    return {
+        "box": box.build(box.space.sample(rng)),
+        "triangle": make_mesh([[0, 0, 0], [1, 0, 0], [0, 2, 0]], [[0, 1, 2]]),
+        "parts out of order": make_mesh(ball.vertices * [3, 1, 0.2] - 100, ball.faces, parts, ("a", "b", "c", "Rücken")),
+        "a part without faces": make_mesh(ball.vertices, ball.faces, parts * 0 + 1, ("a", "b", "c")),
+        "soup": make_mesh(rng.normal(size=(300, 3)), rng.permutation(300).reshape(-1, 3)),
+    }
+
+
+@pytest.mark.parametrize("mesh", shapes().values(), ids=shapes())
+def test_a_packed_mesh_is_the_same_within_a_4096th_of_its_side(mesh):
+    again = decode_mesh(encode_mesh(mesh))
+    order = np.argsort(mesh.parts, kind="stable")
+    before, after = mesh.vertices[mesh.faces[order]], again.vertices[again.faces]
+    turns = [np.abs(np.roll(after, turn, axis=1) - before).max((1, 2)) for turn in range(3)]
+    assert np.min(turns, axis=0).max() < mesh.side / 2**12 + 1e-5, "each triangle is there, with its side outwards"
+    np.testing.assert_array_equal(again.parts, mesh.parts[order])
+    assert again.part_names == mesh.part_names
+
+
+def test_a_packed_mesh_is_small():
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    mesh = make_mesh(ball.vertices, ball.faces)
+    assert len(encode_mesh(mesh)) < (mesh.vertices.nbytes + mesh.faces.nbytes) / 6
+
+
+@pytest.mark.blender
+def test_chairs_take_at_most_16_kilobytes_each():
+    chair = load_generator("chair")
+    if chair.missing:
+        pytest.skip(f"{' and '.join(chair.missing)} not installed")
+    rng = np.random.default_rng(0)
+    with BuildPool("chair", workers=2) as pool:
+        built = pool.map([chair.space.sample(rng) for _ in range(10)], "light")
+        assert np.mean([len(encode_mesh(mesh)) for mesh in built]) <= 16_000
+
+
+# Building
+
+
+KILLED = """
+import sys, dipcg.store as store
+store.SHARD = int(sys.argv[3])
+store.build_dataset(sys.argv[1], sys.argv[2], 20, report=lambda progress: print(progress.done, flush=True))
+"""
+
+
+def test_a_killed_build_goes_on_with_the_same_rows(tmp_path):
+    slow = write_generator(tmp_path, "time.sleep(0.05)")
+    command = [sys.executable, "-c", KILLED, slow, str(tmp_path / "killed"), str(SHARD)]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    while child.stdout.readline().strip() != str(2 * SHARD):
+        pass
+    time.sleep(0.05)  # into the next shard
+    child.send_signal(signal.SIGKILL)
+    child.wait()
+    child.stdout.close()
+    left = Store(tmp_path / "killed").shards
+    assert 2 <= len(left) < 5
+    written = [path.stat().st_mtime_ns for path in left]
+    build_dataset(slow, tmp_path / "killed", 20)
+    build_dataset(slow, tmp_path / "whole", 20)
+    assert rows(tmp_path / "killed").equals(rows(tmp_path / "whole"))
+    assert [path.stat().st_mtime_ns for path in left] == written, "finished shards are not built again"
+
+
+def test_what_a_killed_build_left_unfinished_is_not_read(tmp_path):
+    build_dataset("box", tmp_path, 2 * SHARD)
+    (tmp_path / "shard-00002.123.tmp").write_bytes(b"PAR1 and then the power went")
+    assert rows(tmp_path).num_rows == 2 * SHARD
+
+
+def test_a_grown_data_set_keeps_its_rows_and_splits(tmp_path):
+    build_dataset("box", tmp_path / "grown", 10)
+    before = rows(tmp_path / "grown")
+    splits = {split: numbers(tmp_path / "grown", split) for split in SPLITS}
+    build_dataset("box", tmp_path / "grown", 24)
+    build_dataset("box", tmp_path / "whole", 24)
+    assert rows(tmp_path / "grown").slice(0, 10).equals(before.combine_chunks())
+    assert rows(tmp_path / "grown").equals(rows(tmp_path / "whole"))
+    assert all(numbers(tmp_path / "grown", split)[: len(old)] == old for split, old in splits.items())
+
+
+def numbers(folder: Path, split: str) -> list[int]:
+    return [sample.number for sample in Store(folder).samples(split)]
+
+
+def test_rows_depend_on_the_seed_and_not_on_the_workers(tmp_path):
+    build_dataset("box", tmp_path / "one", 6, seed=1)
+    build_dataset("box", tmp_path / "two", 6, seed=1, workers=2)
+    build_dataset("box", tmp_path / "other", 6, seed=2)
+    assert rows(tmp_path / "one").equals(rows(tmp_path / "two"))
+    assert not rows(tmp_path / "one").equals(rows(tmp_path / "other"))
+
+
+def test_samples_are_what_the_generator_builds_from_their_parameters(tmp_path):
+    box = load_generator("box")
+    build_dataset("box", tmp_path, 6)
+    for sample in Store(tmp_path).samples():
+        assert box.space.validate(sample.params) == sample.params
+        np.testing.assert_allclose(sample.mesh.bounds, box.build(sample.params, "light").bounds, atol=1e-3)
+
+
+def test_each_sample_is_in_one_split_and_a_twentieth_is_for_the_test():
+    found = {split: [number for number in range(200) if in_split(number, split)] for split in SPLITS}
+    assert sorted(sum(found.values(), [])) == list(range(200))
+    assert {split: len(members) for split, members in found.items()} == {"train": 180, "validation": 10, "test": 10}
+
+
+def test_failures_are_rows_with_a_reason(tmp_path):
+    ref = write_generator(tmp_path, "assert size < 1.5, 'too large'")
+    progress: list[Progress] = []
+    failed = build_dataset(ref, tmp_path / "data", 20, report=progress.append)
+    samples = list(Store(tmp_path / "data").samples())
+    assert [sample.number for sample in samples] == list(range(20))
+    assert [sample.mesh is None for sample in samples] == [sample.params["size"] >= 1.5 for sample in samples]
+    assert [sample.failure for sample in samples] == [None if sample.mesh else "raised" for sample in samples]
+    assert 0 < failed < 20
+    assert progress[-1] == Progress(20, 20, failed)
+    assert Store(tmp_path / "data").summary()["failed"] == {"raised": failed}
+
+
+def test_the_summary_counts_what_is_there(tmp_path):
+    build_dataset("box", tmp_path, 40, seed=5)
+    summary = Store(tmp_path).summary()
+    assert summary["bytes"] == sum(path.stat().st_size for path in tmp_path.glob("*.parquet"))
+    del summary["bytes"]
+    splits = {"train": 36, "validation": 2, "test": 2}
+    assert summary == {"generator": "box", "seed": 5, "samples": 40, "failed": {}, "splits": splits}
+
+
+# Folders that are no data set, or another's
+
+
+def test_a_folder_of_another_seed_or_generator_is_refused(tmp_path):
+    build_dataset("box", tmp_path / "data", 2)
+    with pytest.raises(ValueError, match=r"already holds another data set \(different seed\)"):
+        build_dataset("box", tmp_path / "data", 2, seed=1)
+    with pytest.raises(ValueError, match=r"already holds another data set \(different generator.*\)"):
+        build_dataset(write_generator(tmp_path, "pass"), tmp_path / "data", 2)
+    assert rows(tmp_path / "data").num_rows == 2
+
+
+def test_changed_parameters_are_refused(tmp_path):
+    ref = write_generator(tmp_path, "pass")
+    build_dataset(ref, tmp_path / "data", 2)
+    write_generator(tmp_path, "pass", low=0.5)
+    with pytest.raises(ValueError, match="other parameters of 'triangle' than are installed"):
+        Store(tmp_path / "data")
+    with pytest.raises(ValueError, match="different fingerprint"):
+        build_dataset(ref, tmp_path / "data", 2)
+
+
+@pytest.mark.parametrize("count", [0, -3])
+def test_a_count_below_one_is_refused(tmp_path, count):
+    with pytest.raises(ValueError, match=f"at least 1, got {count}"):
+        build_dataset("box", tmp_path / "data", count)
+    assert not (tmp_path / "data").exists()
+
+
+@pytest.mark.parametrize("keep", [0, 4, 0.5], ids=["empty", "four bytes", "half"])
+def test_a_damaged_shard_is_named(tmp_path, keep):
+    build_dataset("box", tmp_path, 2 * SHARD)
+    shard = Store(tmp_path).shards[1]
+    data = shard.read_bytes()
+    shard.write_bytes(data[: int(keep * len(data)) if isinstance(keep, float) else keep])
+    for use in (lambda: Store(tmp_path).table(), lambda: build_dataset("box", tmp_path, 2 * SHARD)):
+        with pytest.raises(ValueError, match="shard-00001.parquet is damaged"):
+            use()
+
+
+@pytest.mark.parametrize("text", [None, "", "{", "[]", "{}", '"box"'], ids=repr)
+def test_a_folder_without_a_readable_description_is_no_data_set(tmp_path, text):
+    build_dataset("box", tmp_path, 2)
+    (tmp_path / "dataset.json").unlink()
+    if text is not None:
+        (tmp_path / "dataset.json").write_text(text)
+    with pytest.raises(ValueError, match=r"is not a data set: it has no readable dataset.json"):
+        Store(tmp_path)
+
+
+def test_a_folder_that_does_not_exist_is_no_data_set(tmp_path):
+    with pytest.raises(ValueError, match="is not a data set"):
+        Store(tmp_path / "nowhere")
+
+
+def test_a_data_set_without_a_finished_shard_says_so(tmp_path):
+    build_dataset("box", tmp_path, 2)
+    Store(tmp_path).shards[0].unlink()
+    with pytest.raises(ValueError, match="has no finished shard yet"):
+        Store(tmp_path).table()
+
+
+def test_the_description_of_a_data_set_is_plain_json(tmp_path):
+    build_dataset("box", tmp_path, 2, seed=4)
+    info = json.loads((tmp_path / "dataset.json").read_text())
+    assert info == {"generator": "box", "ref": "box", "fingerprint": load_generator("box").space.fingerprint, "seed": 4}
