@@ -12,7 +12,9 @@ COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "100"))
 def main() -> None:
     data, pairs = os.environ.get("DIPCG_BENCH_DATA"), os.environ.get("DIPCG_BENCH_PAIRS")
     if not data and not pairs:
-        print("Skipped: set DIPCG_BENCH_DATA to a folder of `dipcg dataset build`, or DIPCG_BENCH_PAIRS to one of pairs.")
+        print(
+            "Skipped: set DIPCG_BENCH_DATA to a folder of `dipcg dataset build`, or DIPCG_BENCH_PAIRS to one of pairs."
+        )
     with Inverter.load("chair", workers=2) as inverter:
         if data:
             print(f"Test split, {COUNT} shapes:\n")

@@ -23,8 +23,12 @@ def ball(faces: int) -> Mesh:
     """A sphere of about so many triangles."""
     rings = int(np.sqrt(faces / 4))
     up, around = np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, 2 * rings, endpoint=False)
-    grid = np.stack(np.broadcast_arrays(np.sin(up)[:, None] * np.cos(around), np.sin(up)[:, None] * np.sin(around),
-                                        np.cos(up)[:, None]), -1)
+    grid = np.stack(
+        np.broadcast_arrays(
+            np.sin(up)[:, None] * np.cos(around), np.sin(up)[:, None] * np.sin(around), np.cos(up)[:, None]
+        ),
+        -1,
+    )
     number = np.arange((rings + 1) * 2 * rings).reshape(rings + 1, -1)
     a, b, c, d = number[:-1], number[1:], np.roll(number, -1, 1)[1:], np.roll(number, -1, 1)[:-1]
     quads = np.stack([a, b, c, d], -1).reshape(-1, 4)

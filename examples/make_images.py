@@ -16,12 +16,13 @@ FOLDER = Path(__file__).parent / "images"
 CHAIRS = {
     "chair": (
         View(32, 18, 3.0),
-        {"back_type": "vertical-bar", "back_vertical_cuts": 3, "has_arm": "0", "leg_type": "straight", "leg_height": 0.45,
-         "width": 0.46, "has_leg_x_bar": "1", "has_leg_y_bar": "1", "leg_thickness": 0.04, "thickness": 0.05},
+        {"back_type": "horizontal-bar", "back_profile_horizontal_ncuts": 4, "has_arm": "0", "leg_type": "straight",
+         "leg_height": 0.45, "width": 0.46, "has_leg_x_bar": "1", "has_leg_y_bar": "1",
+         "leg_thickness": 0.04, "thickness": 0.05},
     ),
     "armchair": (
         View(-40, 22, 2.5),
-        {"back_type": "horizontal-bar", "back_profile_horizontal_ncuts": 3, "has_arm": "1", "leg_type": "down-curved",
+        {"back_type": "partial", "back_profile_partial": 0.5, "has_arm": "1", "leg_type": "down-curved",
          "leg_height": 0.45, "width": 0.6, "has_leg_x_bar": "0", "has_leg_y_bar": "0", "thickness": 0.08},
     ),
 }  # fmt: skip
@@ -47,7 +48,7 @@ def photograph(mesh: Mesh, view: View, path: Path, size: int = 512) -> None:
     for part, name in enumerate(mesh.part_names):
         _add_part(name, mesh.vertices, mesh.faces[mesh.parts == part], MATERIALS[name])
     floor = mesh.bounds[0, 2]
-    _add_part("floor", np.array([[-50, -50, 0], [50, -50, 0], [50, 50, 0], [-50, 50, 0]]) + [0, 0, floor],
+    _add_part("floor", np.array([[-50, -50, floor], [50, -50, floor], [50, 50, floor], [-50, 50, floor]]),
               np.array([[0, 1, 2], [0, 2, 3]]), (0.9, 0.9, 0.9))  # fmt: skip
     _add_camera(view, mesh)
     world = scene.world = bpy.data.worlds.new("white")

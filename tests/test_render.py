@@ -22,7 +22,13 @@ from dipcg.worker import BuildPool
 
 SIZE = 128
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2
-VIEWS = [View(0, 0), View(30, 20), View(-120, 45, distance=1.6), View(200, -5, distance=5, fov_deg=20)]
+VIEWS = [
+    View(0.0, 0.0),
+    View(30.0, 20.0),
+    View(-120.0, 45.0, 2.2),
+    View(200.0, -5.0, distance=5.0, fov_deg=20.0),
+]
+ASIDE = VIEWS[1]
 FLAT = {"lights": np.array([[0.0, 0.0, 1.0]]), "strengths": np.zeros(1), "ambient": 1.0}  # colours as they are
 WHITE = Look(np.ones((1, 3)), **FLAT)
 
@@ -69,7 +75,9 @@ def test_the_silhouette_of_a_box_is_the_hull_of_its_projected_corners(renderer, 
     mesh = join([block()])
     hull = ConvexHull(pixels(mesh.vertices, mesh, view))
     centres = np.stack(np.meshgrid(np.arange(SIZE), np.arange(SIZE)), -1) + 0.5
-    outside = (centres @ hull.equations[:, :2].T + hull.equations[:, 2]).max(-1)  # pixels from the hull, negative inside
+    outside = (centres @ hull.equations[:, :2].T + hull.equations[:, 2]).max(
+        -1
+    )  # pixels from the hull, negative inside
     alpha = renderer.render(mesh, view)[..., 3]
     assert (alpha[outside < -1] == 255).all()
     assert (alpha[outside > 1] == 0).all()
@@ -90,15 +98,15 @@ def test_each_part_has_its_colour_and_colours_repeat(renderer):
     mesh = join([block(name, (0.5, 0.5, 0.5), at) for name, at in zip("abc", places, strict=True)])
     shuffled = np.random.default_rng(0).permutation(len(mesh.faces))
     mesh = Mesh(mesh.vertices, mesh.faces[shuffled], mesh.parts[shuffled], mesh.part_names)
-    picture = renderer.render(mesh, View(0, 0), Look(np.array([[1.0, 0.0, 0.0], [0.2, 0.6, 1.0]]), **FLAT))
-    found = [colour_at(picture, point) for point in pixels(np.array(places), mesh, View(0, 0))]
+    picture = renderer.render(mesh, View(0.0, 0.0), Look(np.array([[1.0, 0.0, 0.0], [0.2, 0.6, 1.0]]), **FLAT))
+    found = [colour_at(picture, point) for point in pixels(np.array(places), mesh, View(0.0, 0.0))]
     np.testing.assert_allclose(found, [[255, 0, 0], [51, 153, 255], [255, 0, 0]], atol=1)
 
 
 @pytest.mark.parametrize("light", [(0.0, 0.0, 1.0), (1.0, 0.3, 0.2), (-0.4, 0.8, 0.1)], ids=str)
 def test_brightness_follows_the_cosine_between_face_and_light(renderer, light):
     """The root of ambient plus strength times cosine; a light from the camera makes faces towards it brighter."""
-    mesh, view, look = join([block()]), View(35, 25), Look(np.ones((1, 3)), np.array([light]), np.array([0.6]), 0.2)
+    mesh, view, look = join([block()]), View(35.0, 25.0), Look(np.ones((1, 3)), np.array([light]), np.array([0.6]), 0.2)
     faces = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # front, right, top: those this view sees
     picture = renderer.render(mesh, view, look)
     middles = pixels(faces * mesh.bounds[1], mesh, view)
@@ -111,7 +119,7 @@ def test_brightness_follows_the_cosine_between_face_and_light(renderer, light):
 
 def test_grain_changes_colours_and_not_the_outline(renderer):
     mesh = join([block()])
-    plain, grained = (renderer.render(mesh, View(30, 20), Look(grain=grain)) for grain in (0.0, 0.5))
+    plain, grained = (renderer.render(mesh, ASIDE, Look(grain=grain)) for grain in (0.0, 0.5))
     np.testing.assert_array_equal(plain[..., 3], grained[..., 3])
     inside = plain[..., 3] == 255
     assert grained[inside].std(0)[:3].min() > plain[inside].std(0)[:3].min() + 1
@@ -129,23 +137,23 @@ def test_a_margin_crops_as_the_preparation_of_pictures_does(renderer, view):
 def test_two_renders_are_equal_whatever_was_drawn_between(renderer):
     box, other = join([block()]), join([block(size=(0.2, 0.2, 1.0)), block("lid", at=(0, 0, 1))])
     look = sample_look(np.random.default_rng(3), 1)
-    first = renderer.render(box, View(30, 20), look)
-    renderer.render(other, View(70, 5), sample_look(np.random.default_rng(4), 2), MARGIN)
-    np.testing.assert_array_equal(renderer.render(box, View(30, 20), look), first)
+    first = renderer.render(box, ASIDE, look)
+    renderer.render(other, View(70.0, 5.0), sample_look(np.random.default_rng(4), 2), MARGIN)
+    np.testing.assert_array_equal(renderer.render(box, ASIDE, look), first)
 
 
 def test_renderers_do_not_disturb_each_other(renderer):
     """One in another thread, one beside it in this one."""
     mesh = join([block()])
-    first = renderer.render(mesh, View(30, 20))
+    first = renderer.render(mesh, ASIDE)
     with ThreadPoolExecutor(1) as thread:
-        elsewhere = thread.submit(lambda: Renderer(SIZE).render(mesh, View(30, 20))).result()
+        elsewhere = thread.submit(lambda: Renderer(SIZE).render(mesh, ASIDE)).result()
     np.testing.assert_array_equal(elsewhere, first)
     beside = Renderer(SIZE // 2)
-    assert beside.render(mesh, View(30, 20)).shape == (SIZE // 2, SIZE // 2, 4)
-    np.testing.assert_array_equal(renderer.render(mesh, View(30, 20)), first)
+    assert beside.render(mesh, ASIDE).shape == (SIZE // 2, SIZE // 2, 4)
+    np.testing.assert_array_equal(renderer.render(mesh, ASIDE), first)
     beside.close()
-    np.testing.assert_array_equal(renderer.render(mesh, View(30, 20)), first)
+    np.testing.assert_array_equal(renderer.render(mesh, ASIDE), first)
 
 
 # Blender's own picture
@@ -200,7 +208,7 @@ def light_mesh(name: str) -> Mesh:
 
 @pytest.mark.blender
 @pytest.mark.skipif(find_spec("bpy") is None, reason="bpy not installed")
-@pytest.mark.parametrize(("name", "view"), [("box", View(40, 30)), ("chair", View(-35, 15, distance=1.8))])
+@pytest.mark.parametrize(("name", "view"), [("box", View(40.0, 30.0)), ("chair", View(-35.0, 15.0, distance=1.8))])
 def test_the_silhouette_is_that_of_blender(renderer, tmp_path, name, view):
     mesh = light_mesh(name)
     ours, theirs = mask(renderer.render(mesh, view)), blender_mask(mesh, view, tmp_path)

@@ -27,7 +27,7 @@ class View:
 
 @dataclass(frozen=True)
 class ViewRange:
-    """The views a generator is looked at from in training: elevation and nearness uniform, azimuths denser in the middle.
+    """The views a generator is seen from in training: elevation and nearness uniform, azimuths denser in the middle.
 
     An azimuth is the middle plus half the range times u |u|^(concentration - 1) for a uniform u in [-1, 1]: with 1.5,
     63 % of the views of a full circle see the front, since that is what people photograph.
@@ -56,7 +56,7 @@ def camera_position(view: View, centre: Float[np.ndarray, "3"], side: float) -> 
 
 def world_to_camera(view: View, centre: Float[np.ndarray, "3"], side: float) -> Float[np.ndarray, "4 4"]:
     """OpenGL's view matrix: the camera looks along -Z with +Y up at the centre of the object."""
-    azimuth, elevation = np.radians([view.azimuth_deg, view.elevation_deg])
+    azimuth = np.radians(view.azimuth_deg)
     right = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     back = (camera_position(view, np.zeros(3), 1.0)) / view.distance
     up = np.cross(back, right)
@@ -73,9 +73,7 @@ def perspective(fov_deg: float, near: float, far: float) -> Float[np.ndarray, "4
     return frustum(-half, half, -half, half, near, far)
 
 
-def frustum(
-    left: float, right: float, bottom: float, top: float, near: float, far: float
-) -> Float[np.ndarray, "4 4"]:
+def frustum(left: float, right: float, bottom: float, top: float, near: float, far: float) -> Float[np.ndarray, "4 4"]:
     """OpenGL's off-centre projection; the borders are slopes (coordinate over depth), depths in metres."""
     return np.array(
         [

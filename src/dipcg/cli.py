@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
-from tyro.conf import FlagCreatePairsOff, Positional, arg
+from tyro.conf import FlagCreatePairsOff, Positional, UseAppendAction, arg
 
 from dipcg.config import ModelConfig, TrainConfig
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Name = Annotated[str, arg(aliases=["-g"], metavar="NAME")]
 Output = Annotated[Path, arg(aliases=["-o"], metavar="FILE")]
-Settings = Annotated[tuple[str, ...], arg(metavar="NAME=VALUE")]
+Settings = Annotated[tuple[tuple[str, ...], ...], UseAppendAction, arg(metavar="NAME=VALUE")]  # one or more, repeatable
 
 
 def generators(name: Positional[str] = "", /, *, json: bool = False) -> None:
@@ -96,7 +96,8 @@ def edit(
     try:
         text = file.read_text()
     except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{file} cannot be read as a parameter file ({error}).") from None
+        reason = error.strerror if isinstance(error, OSError) else "it is not text"
+        raise ValueError(f"{file} cannot be read as a parameter file ({reason}).") from None
     name, params = params_from_json(text)
     generator = load_generator(name)
     params = generator.space.replace(generator.space.validate(params), parse_settings(set))
@@ -144,13 +145,16 @@ def estimate(
     for path, endings in ((params_out, (".json",)), (preview, (".png",))):
         if path is not None:
             check_target(path, endings)
-    many, failed = len(images) > 1, 0
+    named = [[_named_after(path, image, len(images) > 1) for path in (output, params_out, preview)] for image in images]
+    _check_distinct(images, [path for targets in named for path in targets if path])
+    kept, failed = parse_settings(keep), 0
     with Inverter.load(generator) as inverter:
+        for name, value in kept.items():
+            inverter.generator.space.find(name)[1].check(value)
         inverter.pool.warm()
-        for image in images:
-            targets = [_named_after(path, image, many) for path in (output, params_out, preview)]
+        for image, targets in zip(images, named, strict=True):
             try:
-                found = inverter.estimate(image, candidates, steps, seed, parse_settings(keep))
+                found = inverter.estimate(image, candidates, steps, seed, kept)
                 _write_estimate(inverter, found, targets, light)
                 _tell_estimate(image, found, targets, json)
             except (ValueError, RuntimeError) as error:
@@ -217,10 +221,14 @@ def dataset_gallery(folder: Positional[Path], /, *, output: Output, count: int =
     """
     from itertools import islice
 
+    from dipcg.export import check_target
     from dipcg.preview import contact_sheet
     from dipcg.store import Store
 
+    check_target(output, (".png",))
     meshes = [sample.mesh for sample in islice(Store(folder).samples(), count) if sample.mesh]
+    if not meshes:
+        raise ValueError(f"None of the first {count} samples in {folder} has a mesh to draw.")
     contact_sheet(meshes, output)
     print(f"Wrote {output}.")
 
@@ -261,7 +269,7 @@ def train(
 
 
 def evaluate(
-    generator: Name,
+    generator: Positional[str],
     /,
     *,
     data: Path | None = None,
@@ -290,17 +298,25 @@ def evaluate(
 
     from dipcg.evaluate import evaluate as measure
     from dipcg.evaluate import pair_cases, split_cases
+    from dipcg.export import check_target
     from dipcg.pipeline import Inverter
     from dipcg.terminal import bar, table
 
     if (data is None) == (pairs is None):
         raise ValueError("Give one of --data and --pairs.")
+    if json is not None:
+        check_target(json, (".json",))
     with Inverter.load(generator, workers=2) as inverter, bar("measuring", count) as update:
         name = inverter.generator.name
         cases = split_cases(data, count) if data else islice(pair_cases(pairs or Path(), prefix or name), count)
         done = iter(range(1, count + 1))
         found = measure(
-            inverter, cases, candidates, steps, pairs is not None, list(metric) or None,
+            inverter,
+            cases,
+            candidates,
+            steps,
+            pairs is not None,
+            list(metric) or None,
             lambda case: update(next(done), case.name),
         )
     print(table(found))
@@ -347,19 +363,35 @@ def main(arguments: Sequence[str] | None = None) -> None:
             COMMANDS, prog="dipcg", description=ABOUT, args=words, config=(FlagCreatePairsOff,)
         )
     except (ValueError, LookupError, RuntimeError, ImportError, OSError) as error:
-        print(error.args[0] if error.args and isinstance(error, KeyError) else error, file=sys.stderr)
+        print(_sentence(error), file=sys.stderr)
         raise SystemExit(1) from None
     except KeyboardInterrupt:
         print("Stopped.", file=sys.stderr)
         raise SystemExit(130) from None
 
 
-def parse_settings(settings: Sequence[str]) -> dict[str, str]:
-    """`name=value` words as a dict; raises ValueError for a word without `=`."""
-    for word in settings:
+def parse_settings(settings: Sequence[Sequence[str]]) -> dict[str, str]:
+    """`name=value` words, as given to each of several flags, as a dict; raises ValueError for a word without `=`."""
+    words = [word for given in settings for word in given]
+    for word in words:
         if "=" not in word:
             raise ValueError(f"A setting is written name=value, got {word!r}.")
-    return {name.strip(): value.strip() for name, value in (word.split("=", 1) for word in settings)}
+    return {name.strip(): value.strip() for name, value in (word.split("=", 1) for word in words)}
+
+
+def _check_distinct(images: Sequence[Path], targets: Sequence[Path]) -> None:
+    """Raise ValueError where a file would be written twice, or over a picture that is read."""
+    taken = {image.absolute() for image in images}
+    for target in targets:
+        if target.absolute() in taken:
+            raise ValueError(f"{target} would be overwritten; choose another name or folder.")
+        taken.add(target.absolute())
+
+
+def _sentence(error: Exception) -> str:
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.filename} cannot be used ({error.strerror})."
+    return str(error.args[0] if error.args and isinstance(error, KeyError) else error)
 
 
 def _build_and_write(
@@ -398,7 +430,9 @@ def _tell_estimate(image: Path, found: Estimate, targets: list[Path | None], jso
     output, params_out, _ = targets
     if json:
         candidates = [{"params": c.params, "view": asdict(c.view)} for c in found.candidates]
-        print(jsons.dumps({"image": str(image), "output": str(output), "candidates": candidates, "spread": found.spread}))
+        print(
+            jsons.dumps({"image": str(image), "output": str(output), "candidates": candidates, "spread": found.spread})
+        )
     else:
         print(f"{image} -> {output}" + (f", {params_out}" if params_out else ""))
 

@@ -35,7 +35,7 @@ class Condition:
 
     keys_values: KeysValues
     summary: Float[Tensor, "b w"]
-    guess: Float[Tensor, "b d"]
+    guess: Float[Tensor, "b n"]
 
     def repeat(self, times: int) -> Condition:
         """Each picture `times` times in a row."""
@@ -60,7 +60,7 @@ class Estimator(nn.Module):
 
     def condition(self, features: Features) -> Condition:
         """What the denoiser attends to; the guess is not trained through it."""
-        return self.denoiser.condition(features, self.first_guess(features).mean.detach())
+        return self.denoiser.condition(features, self.guess(features.summary).detach())
 
 
 class Outputs(nn.Module):
@@ -112,13 +112,18 @@ class Outputs(nn.Module):
 
 
 class Denoiser(nn.Module):
-    """A diffusion transformer with cross-attention (paper, equation 2; Peebles & Xie 2023; adaLN-single of PixArt-α)."""
+    """A diffusion transformer with cross-attention (paper, eq. 2; Peebles & Xie 2023; adaLN-single of PixArt-α).
+
+    It corrects the first guess: what it reads from its tokens is added to the guess's raw numbers, and is 0 at first.
+    """
 
     def __init__(self, outputs: Outputs, config: ModelConfig, channels: int) -> None:
         super().__init__()
         d, w = outputs.dimension, config.width
         self.outputs, self.heads = outputs, config.heads
-        self.scale = nn.Parameter(torch.randn(3, d, w) * 0.5)  # of a token's noisy value, guess, and whether it is given
+        self.scale = nn.Parameter(
+            torch.randn(3, d, w) * 0.5
+        )  # of a token's noisy value, guess, and whether it is given
         self.offset = nn.Parameter(torch.randn(d, w) * 0.5)
         self.project = nn.Sequential(nn.Linear(channels, w), nn.GELU(approximate="tanh"), nn.Linear(w, w))
         self.summary = nn.Linear(config.summary, w)
@@ -129,7 +134,7 @@ class Denoiser(nn.Module):
         self.read = nn.Parameter(torch.zeros(d, w))
         self.read_options = nn.Parameter(torch.zeros(len(outputs.owner), w))
 
-    def condition(self, features: Features, guess: Float[Tensor, "b d"]) -> Condition:
+    def condition(self, features: Features, guess: Float[Tensor, "b n"]) -> Condition:
         tokens = self.project(features.tokens)
         pairs = [block.cross.keys_values(tokens) for block in self.blocks]  # type: ignore[union-attr]
         return Condition(pairs, self.summary(features.summary), guess)
@@ -137,8 +142,8 @@ class Denoiser(nn.Module):
     def forward(
         self, x: Float[Tensor, "b d"], t: Float[Tensor, " b"], given: Bool[Tensor, "b d"], condition: Condition
     ) -> Prediction:
-        """Predict the clean end of the path from `x` at time `t` (0 noise, 1 clean); `given` entries are clean already."""
-        inputs = torch.stack([x, condition.guess, given.to(x.dtype)], -1)
+        """Predict the clean end from `x` at time `t` (0 noise, 1 clean); `given` entries are clean already."""
+        inputs = torch.stack([x, self.outputs(condition.guess).mean, given.to(x.dtype)], -1)
         hidden = torch.einsum("bdi,idw->bdw", inputs, self.scale) + self.offset
         signal = self.time(sinusoids(t, 256)) + condition.summary
         modulation = self.modulation(signal).unflatten(1, (6, 1, -1))
@@ -147,7 +152,7 @@ class Denoiser(nn.Module):
         hidden = self.norm(hidden).float()
         real = (hidden * self.read).sum(-1)
         options = (hidden[:, self.outputs.owner] * self.read_options).sum(-1)
-        return self.outputs(torch.cat([real, options], 1))
+        return self.outputs(condition.guess + torch.cat([real, options], 1))
 
 
 class Block(nn.Module):
@@ -190,7 +195,7 @@ class Attention(nn.Module):
 
 
 def attend(queries: Tensor, keys: Tensor, values: Tensor) -> Tensor:
-    """Softmax attention; spelled out when a CPU trains, where the fused kernel's bfloat16 backward is 10 times slower."""
+    """Softmax attention; spelled out when a CPU trains, where the fused kernel's bfloat16 backward is slow."""
     if queries.is_cuda or not torch.is_grad_enabled():
         return F.scaled_dot_product_attention(queries, keys, values)
     scores = (queries * queries.shape[-1] ** -0.5) @ keys.transpose(-2, -1)

@@ -14,9 +14,7 @@ from dipcg.camera import VIEW_NUMBERS
 from dipcg.denoiser import Condition, Estimator, Outputs, Prediction
 
 
-def interpolate(
-    x: Float[Tensor, "b d"], noise: Float[Tensor, "b d"], t: Float[Tensor, " b"]
-) -> Float[Tensor, "b d"]:
+def interpolate(x: Float[Tensor, "b d"], noise: Float[Tensor, "b d"], t: Float[Tensor, " b"]) -> Float[Tensor, "b d"]:
     """The point at time `t` of the straight path from noise (0) to clean (1)."""
     return torch.lerp(noise, x, t[:, None])
 

@@ -34,9 +34,17 @@ class Asset:
         Raises ExportError with a sentence when the format is unknown or the file cannot be written.
         """
         path = check_target(path)
-        scene = to_trimesh(self.mesh, y_up=path.suffix in (".glb", ".gltf"))
+        suffix = path.suffix.lower()
+        scene = to_trimesh(self.mesh, y_up=suffix in (".glb", ".gltf"))
+        # No other file, or one named alike: trimesh's own names are the same for every asset of a folder.
+        # PLY without attributes: trimesh looks for texture coordinates among them, and there are none.
+        settings = {
+            ".gltf": {"embed_buffers": True},
+            ".obj": {"mtl_name": f"{path.stem}.mtl"},
+            ".ply": {"include_attributes": False},
+        }
         try:
-            scene.export(path)
+            scene.export(path, **settings.get(suffix, {}))
         except OSError as error:
             raise ExportError(f"{path} cannot be written ({error.strerror or error}).") from None
         return path

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import Bool, Float32, UInt8
 from PIL import Image, ImageOps, UnidentifiedImageError
 
 Source = str | Path | bytes | Image.Image | np.ndarray
@@ -23,6 +23,9 @@ MAX_SIDE = 1024  # larger pictures are shrunk when read: no encoder sees more, a
 MARGIN = 0.06  # free on either side of the object, as in training
 PLAIN_SHARE = 0.8  # of border pixels that look alike on a plain background
 PLAIN_DISTANCE = 14.0  # in CIELAB, the largest difference from the background's colour that is still background
+
+# A soft shadow in CIELAB: how dark, how coloured, how steep a pixel (of 512 a side) it may be.
+SHADOW_DEPTH, SHADOW_COLOUR, SHADOW_SLOPE, SHADOW_BLUR = 35.0, 5.0, 1.2, 1.0
 
 
 class ImageError(ValueError):
@@ -169,10 +172,25 @@ def _plain_alpha(image: RGBA) -> UInt8[np.ndarray, "h w"]:
     distance = _from_background(image)
     sharp = PLAIN_DISTANCE / 2
     alpha = np.clip((distance - sharp / 2) / sharp, 0, 1)
-    outside = _connected_to_border(distance < PLAIN_DISTANCE / 3)
+    outside = _with_soft_shadow(image, _connected_to_border(distance < PLAIN_DISTANCE / 3))
     light_inside = ~outside & (distance >= 1.0)  # a white seat on white is kept where something encloses it
     alpha = np.where(outside, 0, np.maximum(alpha, 0.999 * light_inside))
     return _without_specks((alpha * 255).astype(np.uint8))
+
+
+def _with_soft_shadow(image: RGBA, outside: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """Let the background grow into what is as colourless as it, not much darker, and without an edge.
+
+    A white object may look the same; then most of it would go, and the background is left as it was.
+    """
+    import cv2
+
+    lab = cv2.GaussianBlur(_lab(image), (0, 0), SHADOW_BLUR * max(image.shape) / 512)
+    ground = np.median(_border(lab), axis=0)
+    slope = np.hypot(*(cv2.Sobel(lab[..., 0], cv2.CV_32F, *axis) for axis in ((1, 0), (0, 1)))) / 8
+    faint = (ground[0] - lab[..., 0] < SHADOW_DEPTH) & (np.abs(lab - ground)[..., 1:].max(-1) < SHADOW_COLOUR)
+    grown = _connected_to_border(outside | (faint & (slope < SHADOW_SLOPE * 512 / max(image.shape))))
+    return grown if (grown & ~outside).sum() < 0.6 * (~grown).sum() else outside
 
 
 def _without_specks(alpha: UInt8[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:

@@ -1,6 +1,6 @@
 """From a picture to an editable asset: the file to read first.
 
-    image -> tokens -> x -> params -> mesh
+image -> tokens -> x -> params -> mesh
 """
 
 from __future__ import annotations
@@ -177,4 +177,3 @@ class Inverter:
             agree = float(np.mean([value == first[p.name] for value in values]))
             spread[p.name] = float(np.std(values)) if isinstance(p, Real) else agree
         return spread
-

@@ -21,7 +21,7 @@ SIDE = 384
 def side_by_side(estimate: Estimate, mesh: Mesh, path: str | Path | None = None) -> UInt8[np.ndarray, "h w 3"]:
     """The picture as the model saw it, the result from the estimated camera, and the result turned by 60°."""
     renderer = Renderer(SIDE)
-    turned = View(estimate.view.azimuth_deg + 60, 20, estimate.view.distance)
+    turned = View(estimate.view.azimuth_deg + 60, 20.0, estimate.view.distance)
     photo = prepare(np.ascontiguousarray(estimate.image), SIDE)[0]
     drawn = [renderer.render(mesh, view, margin=MARGIN) for view in (estimate.view, turned)]
     sheet = np.concatenate([over_white(image) for image in (photo, *drawn)], 1)
@@ -34,7 +34,7 @@ def side_by_side(estimate: Estimate, mesh: Mesh, path: str | Path | None = None)
 def contact_sheet(meshes: Sequence[Mesh], path: str | Path, columns: int = 8, side: int = 192) -> None:
     """All meshes from the same camera in rows."""
     renderer = Renderer(side)
-    tiles = [over_white(renderer.render(mesh, View(30, 20), margin=MARGIN)) for mesh in meshes]
+    tiles = [over_white(renderer.render(mesh, View(30.0, 20.0), margin=MARGIN)) for mesh in meshes]
     renderer.close()
     save_image(in_rows(tiles, columns), path)
 

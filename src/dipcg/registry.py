@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import sys
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
@@ -56,8 +57,10 @@ def _entry_points(kind: str) -> dict[str, EntryPoint]:
 def _load_file(path: Path) -> ModuleType:
     if not path.is_file():
         raise LookupError(f"There is no file {path}.")
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None and spec.loader is not None
+    spec = importlib.util.spec_from_file_location(f"dipcg_plugin_{path.stem}", path)
+    assert spec is not None, path
+    assert spec.loader is not None, path
     module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses look their module up
     spec.loader.exec_module(module)
     return module

@@ -17,7 +17,14 @@ from dipcg.camera import View, depth_range, fit, perspective, world_to_camera
 from dipcg.mesh import Mesh
 
 PALETTE = np.array(
-    [[0.76, 0.60, 0.42], [0.45, 0.58, 0.66], [0.66, 0.45, 0.40], [0.55, 0.65, 0.45], [0.62, 0.55, 0.70], [0.80, 0.72, 0.50]]
+    [
+        [0.76, 0.60, 0.42],
+        [0.45, 0.58, 0.66],
+        [0.66, 0.45, 0.40],
+        [0.55, 0.65, 0.45],
+        [0.62, 0.55, 0.70],
+        [0.80, 0.72, 0.50],
+    ]
 )
 MAX_LIGHTS = 3
 
@@ -75,14 +82,16 @@ class Renderer:
         """
         to_camera = world_to_camera(view, mesh.centre, mesh.side)
         projection = _projection(mesh, view, to_camera, margin)
-        self._draw(mesh, look or Look(), to_camera, projection)
-        self._context.copy_framebuffer(self._resolved, self._multisampled)
-        flat = np.frombuffer(self._resolved.read(components=4), np.uint8)
+        with self._context:  # another renderer of this thread may have made its own the current one
+            self._draw(mesh, look or Look(), to_camera, projection)
+            self._context.copy_framebuffer(self._resolved, self._multisampled)
+            flat = np.frombuffer(self._resolved.read(components=4), np.uint8)
         return _straight_alpha(flat.reshape(self.size, self.size, 4)[::-1])
 
     def close(self) -> None:
         """Free the context."""
-        self._release()
+        with self._context:
+            self._release()
         self._context.release()
 
     @property
@@ -165,7 +174,7 @@ def _projection(mesh: Mesh, view: View, to_camera: np.ndarray, margin: float | N
 def _ranges(mesh: Mesh) -> list[tuple[int, int]]:
     """First index and number of indices of each part, once faces are sorted by part."""
     counts = 3 * np.bincount(mesh.parts, minlength=len(mesh.part_names))
-    return list(zip(np.cumsum(counts) - counts, counts, strict=True))
+    return list(zip((np.cumsum(counts) - counts).tolist(), counts.tolist(), strict=True))
 
 
 def _straight_alpha(image: UInt8[np.ndarray, "h w 4"]) -> UInt8[np.ndarray, "h w 4"]:

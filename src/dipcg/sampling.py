@@ -6,6 +6,7 @@ Each takes a `predict(x, t)` that gives the clean end expected from `x` at time 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import torch
 from jaxtyping import Bool, Float
@@ -18,14 +19,14 @@ Predict = Callable[[Tensor, Tensor], Tensor]
 
 def euler(predict: Predict, x: Float[Tensor, "b d"], times: Float[Tensor, " s"]) -> Float[Tensor, "b d"]:
     """First order: straight towards the expected end, step by step."""
-    for now, then in zip(times[:-1], times[1:], strict=True):
+    for now, then in pairwise(times):
         x = torch.lerp(x, predict(x, now), (then - now) / (1 - now))
     return x
 
 
 def heun(predict: Predict, x: Float[Tensor, "b d"], times: Float[Tensor, " s"]) -> Float[Tensor, "b d"]:
     """Second order (Karras et al. 2022, algorithm 1): two predictions a step but for the last."""
-    for now, then in zip(times[:-1], times[1:], strict=True):
+    for now, then in pairwise(times):
         slope = (predict(x, now) - x) / (1 - now)
         ahead = x + (then - now) * slope
         if then < 1:

@@ -41,7 +41,9 @@ class Real:
         """Return the value as a float, or raise a ValueError that says what is wrong with it."""
         number = _as_number(value)
         if number is None or not self.low <= number <= self.high:
-            raise ValueError(f"{self.name} must be a number from {self.low:g} to {self.high:g}{_unit(self)}, got {value!r}.")
+            raise ValueError(
+                f"{self.name} must be a number from {self.low:g} to {self.high:g}{_unit(self)}, got {value!r}."
+            )
         return number
 
     @property
@@ -128,7 +130,7 @@ class ParameterSpace:
         return self.parameters[self._index[name]]
 
     def find(self, name: str) -> tuple[int, Parameter]:
-        """Position in `x` and declaration of a parameter that a person named; raises ValueError with the nearest name."""
+        """Position in `x` and declaration of a parameter; raises ValueError with the nearest name."""
         if name not in self:
             raise ValueError(f"There is no parameter {name!r}.{did_you_mean(name, self.names)}")
         return self._index[name], self[name]

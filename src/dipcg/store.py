@@ -21,7 +21,7 @@ import pyarrow.parquet as pq
 from dipcg.codec import decode_mesh, encode_mesh
 from dipcg.generators import Generator, load_generator
 from dipcg.mesh import Mesh
-from dipcg.space import Choice, Params, ParameterSpace
+from dipcg.space import Choice, ParameterSpace, Params
 from dipcg.worker import BuildError, BuildPool
 
 SHARD = 250
@@ -63,6 +63,7 @@ def build_dataset(
     Raises ValueError when the folder holds other data, or `count` is not positive.
     """
     generator, folder = load_generator(ref), Path(folder)
+    generator.check_installed()
     if count < 1:
         raise ValueError(f"The number of samples must be at least 1, got {count}.")
     _claim(folder, generator, seed)
@@ -99,7 +100,7 @@ class Store:
     def table(self, columns: list[str] | None = None) -> pa.Table:
         """All rows as an Arrow table, memory-mapped."""
         if not self.shards:
-            raise ValueError(f"{self.folder} has no finished shard yet; run `dipcg dataset build` with `--resume`.")
+            raise ValueError(f"{self.folder} has no finished shard yet; run `dipcg dataset build`.")
         return pa.concat_tables([_read_shard(path, columns) for path in self.shards])
 
     def summary(self) -> dict[str, Any]:
@@ -147,7 +148,9 @@ def _build_shard(pool: BuildPool, generator: Generator, seed: int, numbers: rang
 
 def _write(path: Path, samples: list[Sample], generator: Generator) -> None:
     unfinished = path.with_suffix(f".{os.getpid()}.tmp")
-    pq.write_table(pa.Table.from_pylist([_to_row(s) for s in samples], _schema(generator)), unfinished, compression="zstd")
+    pq.write_table(
+        pa.Table.from_pylist([_to_row(s) for s in samples], _schema(generator)), unfinished, compression="zstd"
+    )
     unfinished.replace(path)
 
 
@@ -178,7 +181,7 @@ def _read_shard(path: Path, columns: list[str] | None = None) -> pa.Table:
     try:
         return pq.read_table(path, columns=columns, memory_map=True)
     except (pa.ArrowInvalid, OSError) as error:
-        raise ValueError(f"{path} is damaged ({error}); delete it and build again with `--resume`.") from None
+        raise ValueError(f"{path} is damaged ({error}); delete it and run `dipcg dataset build` again.") from None
 
 
 def _is_complete(path: Path, rows: int) -> bool:
@@ -196,8 +199,9 @@ def _info(generator: Generator, seed: int | None) -> dict[str, Any]:
 
 def _read_info(folder: Path) -> dict[str, Any]:
     try:
-        return json.loads((folder / "dataset.json").read_text())
-    except (OSError, ValueError):
+        info = json.loads((folder / "dataset.json").read_text())
+        return {key: info[key] for key in ("generator", "ref", "fingerprint", "seed")}
+    except (OSError, ValueError, KeyError, TypeError):
         raise ValueError(f"{folder} is not a data set: it has no readable dataset.json.") from None
 
 
@@ -208,4 +212,6 @@ def _claim(folder: Path, generator: Generator, seed: int) -> None:
     if path.exists() and (theirs := _read_info(folder)) != ours:
         changed = ", ".join(key for key in ours if theirs.get(key) != ours[key])
         raise ValueError(f"{folder} already holds another data set (different {changed}); choose another folder.")
-    path.write_text(json.dumps(ours, indent=1))
+    unfinished = path.with_suffix(f".{os.getpid()}.tmp")
+    unfinished.write_text(json.dumps(ours, indent=1))
+    unfinished.replace(path)

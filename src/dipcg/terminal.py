@@ -22,7 +22,11 @@ def bar(label: str, total: int) -> Iterator[Update]:
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total}"))
     with Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), text, console=Console(stderr=True)) as progress:
         task = progress.add_task(label, total=total, note="")
-        yield lambda done, note: progress.update(task, completed=done, note=note)
+        try:
+            yield lambda done, note: progress.update(task, completed=done, note=note)
+        except BaseException:
+            progress.live.transient = True  # a problem is told by its sentence alone
+            raise
 
 
 def table(found: Table) -> str:

@@ -32,7 +32,9 @@ class ConvEncoder(nn.Module):
         self.body = nn.Sequential(*layers)
         cells = (IMAGE_SIZE // 16) ** 2
         squeeze = nn.Conv2d(before, 32, 1)
-        self.pool = nn.Sequential(squeeze, nn.Flatten(), nn.Linear(32 * cells, summary), nn.LayerNorm(summary), nn.GELU())
+        self.pool = nn.Sequential(
+            squeeze, nn.Flatten(), nn.Linear(32 * cells, summary), nn.LayerNorm(summary), nn.GELU()
+        )
 
     def forward(self, images: Float[Tensor, "b 3 s s"]) -> Features:
         maps = self.body((images - 0.5) * 4)
@@ -48,7 +50,9 @@ class _Block(nn.Module):
         self.second = nn.Sequential(nn.Conv2d(channels, channels, 3, 1, 1, bias=False), nn.BatchNorm2d(channels))
         self.skip: nn.Module = nn.Identity()
         if stride > 1:
-            self.skip = nn.Sequential(nn.AvgPool2d(stride), nn.Conv2d(before, channels, 1, bias=False), nn.BatchNorm2d(channels))
+            self.skip = nn.Sequential(
+                nn.AvgPool2d(stride), nn.Conv2d(before, channels, 1, bias=False), nn.BatchNorm2d(channels)
+            )
 
     def forward(self, maps: Tensor) -> Tensor:
         return (self.skip(maps) + self.second(self.first(maps))).relu()

@@ -1,9 +1,12 @@
 """What a generator is: a file that declares a `space` and a function `build(params)`.
 
-Optional in the file: `build_light(params)` for a fast, coarse mesh of the same surface; `prepare()` for the slow imports
-that a worker does once, before it is timed; `views`, the range of cameras it is trained with; `mirrors`, for each parameter that a flipped picture changes, the one it becomes
-("-name" where the sign of its `x` turns); `needs`, the
-packages to install; `recycle_after`, the number of builds after which a worker process is replaced.
+Optional in the file:
+`build_light(params)`, a fast, coarse mesh of the same surface;
+`prepare()`, the slow imports that a worker does once, before it is timed;
+`views`, the range of cameras it is trained with;
+`mirrors`, for each parameter that a flipped picture changes, the one it becomes ("-name" where the sign of `x` turns);
+`needs`, the packages to install;
+`recycle_after`, the number of builds after which a worker process is replaced.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ import numpy as np
 from dipcg import registry
 from dipcg.camera import ViewRange
 from dipcg.mesh import Mesh, make_mesh, simplify
-from dipcg.space import Params, ParameterSpace
+from dipcg.space import ParameterSpace, Params
 
 Detail = Literal["full", "light"]
 LIGHT_FACES = 3500

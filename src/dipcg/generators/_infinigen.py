@@ -119,4 +119,3 @@ def _sorted(triangles: np.ndarray) -> np.ndarray:
     first = triangles.argmin(1)[:, None]
     turned = np.take_along_axis(triangles, (first + np.arange(3)) % 3, 1)
     return turned[np.lexsort(turned.T[::-1])]
-

@@ -6,7 +6,7 @@ import numpy as np
 
 from dipcg.camera import ViewRange
 from dipcg.mesh import Mesh, join
-from dipcg.space import Choice, Params, ParameterSpace, Real
+from dipcg.space import Choice, ParameterSpace, Params, Real
 
 space = ParameterSpace(
     Real("width", 0.3, 1.0, unit="m", doc="of the body, along x", group="body"),
@@ -14,7 +14,9 @@ space = ParameterSpace(
     Real("height", 0.2, 1.0, unit="m", doc="of the body", group="body"),
     Choice("top", ("open", "flat", "pyramid"), doc="what covers the body", group="lid"),
     Real("lid_height", 0.1, 0.5, unit="m", doc="of the pyramid", group="lid", when={"top": ("pyramid",)}),
-    Real("overhang", 0.0, 0.15, unit="m", doc="of the lid over the body", group="lid", when={"top": ("flat", "pyramid")}),
+    Real(
+        "overhang", 0.0, 0.15, unit="m", doc="of the lid over the body", group="lid", when={"top": ("flat", "pyramid")}
+    ),
     Choice("has_legs", (False, True), doc="stands on four legs", group="legs"),
     Real("leg_height", 0.1, 0.5, unit="m", doc="of the legs", group="legs", when={"has_legs": (True,)}),
 )

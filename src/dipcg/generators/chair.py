@@ -1,11 +1,14 @@
 """Infinigen's chair with the paper's 48 parameters.
 
-A thin adapter: it sets attributes of `ChairFactory` and calls the factory's own methods, part by part. Where the factory
-draws a number while it builds (the smoothness of the back, where the seat is widest), the middle of its range is taken.
-The published pair `leg_offset_bar` is one range for both kinds of bars in the factory; here `leg_offset_bar0` is the
-height of the y bars and `leg_offset_bar1` of the x bars. Faces and parts of two builds are equal; some dozen beveled
-vertices differ by up to 3e-8 m, because Blender's bevel adds numbers in an order that depends on memory. Source: Infinigen Indoors (Raistrick et al. 2024) for the
-factory, the published DI-PCG parameters (Zhao et al. 2024, supplement) for the list and the ranges.
+A thin adapter: it sets attributes of `ChairFactory` and calls the factory's own methods, part by part. Where the
+factory draws a number while it builds (the smoothness of the back, where the seat is widest), the middle of its range
+is taken. The published pair `leg_offset_bar` is one range for both kinds of bars in the factory; here
+`leg_offset_bar0` is the height of the y bars and `leg_offset_bar1` of the x bars. `arm_height` does nothing when
+`is_leg_round`, which gives arms that are tubes. Faces and parts of two builds are equal; some dozen beveled vertices
+differ by up to 3e-8 m, because Blender's bevel adds numbers in an order that depends on memory.
+
+Sources: Infinigen Indoors (Raistrick et al. 2024) for the factory, the published DI-PCG parameters (Zhao et al. 2024,
+supplement) for the list and the ranges.
 """
 
 from __future__ import annotations
@@ -29,7 +32,7 @@ from dipcg.generators._infinigen import (
     silence,
 )
 from dipcg.mesh import Mesh, join
-from dipcg.space import Choice, Params, ParameterSpace, Real
+from dipcg.space import Choice, ParameterSpace, Params, Real
 
 _SLANTED = {"leg_type": ("straight", "up-curved", "down-curved")}
 _CURVED = {"leg_type": ("up-curved", "down-curved")}
@@ -54,18 +57,47 @@ space = ParameterSpace(
     Real("leg_thickness", 0.02, 0.07, unit="m", doc="of legs and bars", group="leg"),
     Real("limb_profile", 1.5, 2.5, unit="×", doc="how strongly legs curve", group="leg", when=_CURVED),
     Real("leg_height", 0.2, 1.0, unit="m", doc="from floor to seat", group="leg"),
-    Choice("is_leg_round", _OFF_ON, doc="Infinigen's name: beveled square legs and tubes for arms; else tubes for legs and flat arms", group="leg"),
+    Choice(
+        "is_leg_round",
+        _OFF_ON,
+        doc="Infinigen's name: beveled square legs and tubes for arms; else tubes for legs and flat arms",
+        group="leg",
+    ),
     Choice("leg_type", ("vertical", "straight", "up-curved", "down-curved"), doc="shape of the legs", group="leg"),
     Choice("has_leg_x_bar", _OFF_ON, doc="bars between left and right legs", group="bar"),
     Choice("has_leg_y_bar", _OFF_ON, doc="bars between front and back legs", group="bar"),
-    Real("leg_offset_bar0", 0.1, 0.9, unit="of leg height", doc="y bars below the seat", group="bar", when={"has_leg_y_bar": (True,)}),
-    Real("leg_offset_bar1", 0.1, 0.9, unit="of leg height", doc="x bars below the seat", group="bar", when={"has_leg_x_bar": (True,)}),
+    Real(
+        "leg_offset_bar0",
+        0.1,
+        0.9,
+        unit="of leg height",
+        doc="y bars below the seat",
+        group="bar",
+        when={"has_leg_y_bar": (True,)},
+    ),
+    Real(
+        "leg_offset_bar1",
+        0.1,
+        0.9,
+        unit="of leg height",
+        doc="x bars below the seat",
+        group="bar",
+        when={"has_leg_x_bar": (True,)},
+    ),
     Real("leg_x_offset", 0.0, 0.2, unit="of width", doc="feet outwards", group="leg", when=_SLANTED),
     Real("leg_y_offset0", 0.0, 0.2, unit="of depth", doc="back feet backwards", group="leg", when=_SLANTED),
     Real("leg_y_offset1", 0.0, 0.2, unit="of depth", doc="front feet forwards", group="leg", when=_SLANTED),
     Choice("has_arm", _OFF_ON, doc="has arms", group="arm"),
     Real("arm_thickness", 0.02, 0.07, unit="m", doc="of the arms", group="arm", when=_ARM),
-    Real("arm_height", 0.6, 1.0, unit="of arm thickness", doc="upright thickness of flat arms", group="arm", when=_FLAT_ARM),
+    Real(
+        "arm_height",
+        0.6,
+        1.0,
+        unit="of arm thickness",
+        doc="upright thickness of flat arms",
+        group="arm",
+        when=_FLAT_ARM,
+    ),
     Real("arm_y", 0.5, 1.0, unit="of depth", doc="where arms meet the seat", group="arm", when=_ARM),
     Real("arm_z", 0.25, 0.6, unit="of back height", doc="where arms meet the back", group="arm", when=_ARM),
     Real("arm_mid0", -0.03, 0.03, unit="m", doc="bend of the arms, along x", group="arm", when=_ARM),
@@ -75,20 +107,71 @@ space = ParameterSpace(
     Real("arm_profile1", 0.0, 2.0, unit="×", doc="reach of the curve after the bend", group="arm", when=_ARM),
     Real("back_height", 0.3, 0.6, unit="m", doc="above the seat", group="back"),
     Real("back_thickness", 0.02, 0.07, unit="m", doc="of posts and panel", group="back"),
-    Choice("back_type", ("whole", "partial", "horizontal-bar", "vertical-bar"), doc="what fills the back", group="back"),
+    Choice(
+        "back_type", ("whole", "partial", "horizontal-bar", "vertical-bar"), doc="what fills the back", group="back"
+    ),
     Choice("back_vertical_cuts", (1, 2, 3, 4), doc="number of upright bars", group="back", when=_SPINDLES),
-    Real("back_partial_scale", 1.0, 1.4, unit="×", doc="how far a partial panel is shifted back", group="back", when=_PARTIAL),
+    Real(
+        "back_partial_scale",
+        1.0,
+        1.4,
+        unit="×",
+        doc="how far a partial panel is shifted back",
+        group="back",
+        when=_PARTIAL,
+    ),
     Real("back_x_offset", -0.1, 0.15, unit="of width", doc="top of the posts inwards", group="back", when=_SLANTED),
     Real("back_y_offset", 0.0, 0.4, unit="of depth", doc="top of the posts backwards", group="back", when=_SLANTED),
-    Real("back_profile_partial", 0.4, 0.8, unit="of back height", doc="lower edge of a partial panel", group="back", when=_PARTIAL),
+    Real(
+        "back_profile_partial",
+        0.4,
+        0.8,
+        unit="of back height",
+        doc="lower edge of a partial panel",
+        group="back",
+        when=_PARTIAL,
+    ),
     Choice("back_profile_horizontal_ncuts", (2, 3, 4), doc="number of slats", group="back", when=_SLATS),
     *(
-        Real(f"back_profile_horizontal_locs{i}", 1.0, 2.0, unit="share", doc=f"height of slat {i + 1} with its gap", group="back", when=when)
-        for i, when in enumerate((_SLATS, _SLATS, _SLATS | {"back_profile_horizontal_ncuts": (3, 4)}, _SLATS | {"back_profile_horizontal_ncuts": (4,)}))
+        Real(
+            f"back_profile_horizontal_locs{i}",
+            1.0,
+            2.0,
+            unit="share",
+            doc=f"height of slat {i + 1} with its gap",
+            group="back",
+            when=when,
+        )
+        for i, when in enumerate(
+            (
+                _SLATS,
+                _SLATS,
+                _SLATS | {"back_profile_horizontal_ncuts": (3, 4)},
+                _SLATS | {"back_profile_horizontal_ncuts": (4,)},
+            )
+        )
     ),
-    Real("back_profile_horizontal_ratio", 0.2, 0.8, unit="of slat", doc="gap below each slat", group="back", when=_SLATS),
-    Real("back_profile_horizontal_lowest", 0.0, 0.4, unit="of back height", doc="where slats start", group="back", when=_SLATS),
-    Real("back_profile_vertical", 0.8, 0.9, unit="of back height", doc="lower edge of the top rail", group="back", when=_SPINDLES),
+    Real(
+        "back_profile_horizontal_ratio", 0.2, 0.8, unit="of slat", doc="gap below each slat", group="back", when=_SLATS
+    ),
+    Real(
+        "back_profile_horizontal_lowest",
+        0.0,
+        0.4,
+        unit="of back height",
+        doc="where slats start",
+        group="back",
+        when=_SLATS,
+    ),
+    Real(
+        "back_profile_vertical",
+        0.8,
+        0.9,
+        unit="of back height",
+        doc="lower edge of the top rail",
+        group="back",
+        when=_SPINDLES,
+    ),
 )
 views = ViewRange(azimuth_deg=(-180, 180), elevation_deg=(-5, 50))
 needs = ("infinigen", "bpy")
@@ -110,7 +193,7 @@ def build(params: Params) -> Mesh:
 
 
 def build_light(params: Params) -> Mesh:
-    """Tubes of 12 sides instead of 32, bevels of 2 steps instead of 8, no subdivision that leaves the shape as it is."""
+    """Tubes of 12 sides and not 32, bevels of 2 steps and not 8, no subdivision that leaves the shape as it is."""
     module = import_infinigen(_MODULE)
     tube, subdivide = module.geo_radius, module.subsurf
 
@@ -179,7 +262,17 @@ def _attributes(p: Any) -> dict[str, Any]:
 
 
 _TRANSLATED = {
-    *("bevel_width", "arm_height", "arm_y", "arm_z", "arm_mid0", "arm_mid1", "arm_mid2", "arm_profile0", "arm_profile1"),
+    *(
+        "bevel_width",
+        "arm_height",
+        "arm_y",
+        "arm_z",
+        "arm_mid0",
+        "arm_mid1",
+        "arm_mid2",
+        "arm_profile0",
+        "arm_profile1",
+    ),
     *("leg_x_offset", "leg_y_offset0", "leg_y_offset1", "back_x_offset", "back_y_offset"),
     *("leg_offset_bar0", "leg_offset_bar1"),
 }
@@ -204,4 +297,6 @@ def _slats(p: Any) -> list[tuple[float, float]]:
     tops = tops / tops[-1]
     bottoms = np.concatenate([[0], tops[:-1]])
     bottoms = bottoms + p["back_profile_horizontal_ratio"] * (tops - bottoms)
-    return [(lowest + (1 - lowest) * low, lowest + (1 - lowest) * high) for low, high in zip(bottoms, tops, strict=True)]
+    return [
+        (lowest + (1 - lowest) * low, lowest + (1 - lowest) * high) for low, high in zip(bottoms, tops, strict=True)
+    ]

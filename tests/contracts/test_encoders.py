@@ -1,0 +1,68 @@
+"""What every encoder promises, checked for whatever the registry finds."""
+
+import pytest
+import torch
+from torch import Tensor, nn
+
+from dipcg import registry
+from dipcg.config import ModelConfig
+from dipcg.encoders import Features, build_encoder
+
+CONFIG = {"width": 16, "depth": 1, "heads": 2, "summary": 24}
+TOLERANCE = {"rtol": 1e-4, "atol": 1e-4}  # convolutions of other batch sizes add in another order
+
+
+@pytest.fixture(scope="module", params=registry.names("encoders"))
+def encoder(request) -> nn.Module:
+    torch.manual_seed(0)
+    return build_encoder(ModelConfig(encoder=request.param, **CONFIG)).eval()
+
+
+@pytest.fixture(scope="module")
+def images(encoder) -> Tensor:
+    return torch.rand(3, 3, encoder.image_size, encoder.image_size, generator=torch.Generator().manual_seed(0))
+
+
+@pytest.fixture(scope="module")
+def features(encoder, images) -> Features:
+    with torch.no_grad():
+        return encoder(images)
+
+
+def test_tokens_and_summary_have_the_declared_shapes(encoder, features):
+    assert features.tokens.ndim == 3
+    assert features.tokens.shape[0] == 3
+    assert features.tokens.shape[1] > 1
+    assert features.tokens.shape[2] == encoder.channels
+    assert features.summary.shape == (3, CONFIG["summary"])
+
+
+def test_features_are_finite_floats_on_the_processor_of_the_pictures(features):
+    for part in features:
+        assert part.dtype == torch.float32
+        assert part.device.type == "cpu"
+        assert part.isfinite().all()
+
+
+def test_other_pictures_have_other_features(features):
+    for part in features:
+        assert (part[0] - part[1]).abs().max() > 1e-3
+
+
+@torch.no_grad()
+def test_the_same_pictures_have_the_same_features(encoder, images, features):
+    for first, again in zip(features, encoder(images), strict=True):
+        assert torch.equal(first, again)
+
+
+@torch.no_grad()
+def test_batch_mates_have_no_influence(encoder, images, features):
+    for i in range(len(images)):
+        for among, alone in zip(features, encoder(images[i : i + 1]), strict=True):
+            torch.testing.assert_close(alone[0], among[i], **TOLERANCE)
+
+
+def test_the_summary_trains_with_the_model(encoder, images):
+    """At least its last layer: the first guess is read from it alone."""
+    encoder(images).summary.square().sum().backward()
+    assert any(weight.grad is not None and weight.grad.abs().max() > 0 for weight in encoder.parameters())

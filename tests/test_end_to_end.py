@@ -1,0 +1,310 @@
+"""The whole path on the toy: data, training, estimates from pictures, editing, measuring; and going on after a kill."""
+
+import io
+import json
+import math
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+from safetensors.numpy import load_file
+
+from dipcg import train as training
+from dipcg.cli import main
+from dipcg.config import ModelConfig, TrainConfig
+from dipcg.generators import load_generator
+from dipcg.images import MARGIN, save_image
+from dipcg.pipeline import Inverter
+from dipcg.render import Renderer
+from dipcg.store import Store
+from dipcg.train import Status
+
+SPACE = load_generator("box").space
+COUNT = 60  # three of them in the test split
+
+
+def dipcg(*words: object) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr of one command, in this process."""
+    out, err, code = io.StringIO(), io.StringIO(), 0
+    with redirect_stdout(out), redirect_stderr(err):
+        try:
+            main([str(word) for word in words])
+        except SystemExit as end:
+            code = end.code
+    return code, out.getvalue(), err.getvalue()
+
+
+def succeed(*words: object) -> str:
+    code, out, err = dipcg(*words)
+    assert code == 0, err
+    return out
+
+
+def estimated(*words: object) -> list[dict]:
+    return [json.loads(line) for line in succeed("estimate", *words, "--json").splitlines()]
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("data") / "box"
+    assert f"{COUNT} shapes in {folder}, 0 failed." in succeed(
+        "dataset", "build", "box", "-o", folder, "--count", COUNT
+    )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def pictures(data, tmp_path_factory) -> list[Path]:
+    """Pictures of unseen boxes."""
+    folder, renderer, rng = tmp_path_factory.mktemp("pictures"), Renderer(128), np.random.default_rng(0)
+    views = load_generator("box").views
+    paths = []
+    for sample in Store(data).samples("test"):
+        paths.append(folder / f"box{sample.number}.png")
+        save_image(np.ascontiguousarray(renderer.render(sample.mesh, views.sample(rng), margin=MARGIN)), paths[-1])
+    renderer.close()
+    return paths
+
+
+@pytest.fixture(scope="module")
+def trained(data, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("runs")
+    dials = ["--minutes", 0.1, "--denoiser-from", 0.2, "--depth", 1, "--batch", 16]
+    assert f"-g {folder / 'box'}" in succeed("train", "box", "--data", data, "-o", folder, *dials)
+    return folder / "box"
+
+
+# Data
+
+
+def test_a_data_set_says_what_it_holds(data):
+    found = json.loads(succeed("dataset", "info", data, "--json"))
+    assert (found["generator"], found["samples"], found["failed"]) == ("box", COUNT, {})
+    assert found["splits"] == {"train": 54, "validation": 3, "test": 3}
+    assert "samples      60" in succeed("dataset", "info", data)
+
+
+def test_a_contact_sheet_has_a_tile_for_every_shape(data, tmp_path):
+    succeed("dataset", "gallery", data, "-o", tmp_path / "sheet.png", "--count", 11)
+    sheet = np.asarray(Image.open(tmp_path / "sheet.png"))
+    tiles = sheet.reshape(2, 192, 8, 192, 3).swapaxes(1, 2).reshape(16, -1)
+    assert [bool((tile < 255).any()) for tile in tiles] == [True] * 11 + [False] * 5
+
+
+def test_building_again_changes_nothing(data):
+    before = {path: path.read_bytes() for path in data.iterdir()}
+    succeed("dataset", "build", "box", "-o", data, "--count", COUNT)
+    assert {path: path.read_bytes() for path in data.iterdir()} == before
+    code, _, err = dipcg("dataset", "build", "box", "-o", data, "--count", COUNT, "--no-resume")
+    assert code == 1
+    assert "already has shards" in err
+
+
+# Training
+
+
+def test_training_leaves_finite_weights_and_a_card(trained):
+    card = json.loads((trained / "card.json").read_text())
+    assert (card["generator"], card["fingerprint"]) == ("box", SPACE.fingerprint)
+    assert card["model"]["depth"] == 1
+    assert card["train"]["batch"] == 16
+    assert card["pictures"] > 0
+    assert all(math.isfinite(value) for value in card["validation"].values())
+    assert all(np.isfinite(weight).all() for weight in load_file(trained / "model.safetensors").values())
+    (line,) = (trained / "log.jsonl").read_text().splitlines()
+    assert json.loads(line)["validation"] == card["validation"]
+
+
+def test_training_on_the_shapes_of_another_generator_is_refused(data, tmp_path):
+    code, _, err = dipcg("train", "chair", "--data", data, "-o", tmp_path)
+    assert (code, err) == (1, f"{data} holds shapes of 'box', not of 'chair'.\n")
+
+
+def test_a_finished_run_of_another_model_is_not_continued(data, trained):
+    code, _, err = dipcg("train", "box", "--data", data, "-o", trained.parent, "--depth", 2)
+    assert code == 1
+    assert err.splitlines()[-1] == f"{trained} holds a run of another model; choose another folder or delete it."
+
+
+TRAIN = """
+import sys
+from dipcg import train
+from dipcg.cli import main
+
+train.VALIDATE_EVERY_S, train.VALIDATION_PICTURES = 0.5, 4
+main(sys.argv[1:])
+"""
+DIALS = {"batch": 4, "workers": 0, "denoiser_from": 0.0}
+SHAPE = {"width": 24, "depth": 1, "heads": 2, "summary": 16}
+
+
+def test_a_killed_training_goes_on(data, tmp_path, monkeypatch):
+    before = state_after_kill(data, tmp_path)
+    monkeypatch.setattr(training, "VALIDATION_PICTURES", 4)
+    minutes = (before["elapsed_s"] + 1) / 60
+    statuses: list[Status] = []
+    training.train(data, tmp_path / "box", TrainConfig(minutes=minutes, **DIALS), ModelConfig(**SHAPE), statuses.append)
+    after = json.loads((tmp_path / "box" / "state.json").read_text())
+    assert before["pictures"] < statuses[0].pictures <= before["pictures"] + 20 * DIALS["batch"]
+    assert statuses[0].share > before["elapsed_s"] / (60 * minutes)
+    assert after["elapsed_s"] >= 60 * minutes
+    assert after["step"] > before["step"]
+    assert after["pictures"] == after["step"] * DIALS["batch"]
+
+
+def state_after_kill(data: Path, folder: Path) -> dict:
+    """The state of a training that was killed with more than 20 steps behind it."""
+    flags = [f"--{name.replace('_', '-')}={value}" for name, value in (DIALS | SHAPE).items()]
+    command = [sys.executable, "-c", TRAIN, "train", "box", "--data", data, "-o", folder, "--minutes", "60", *flags]
+    child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    path, state = folder / "box" / "state.json", {"step": 0}
+    while state["step"] <= 20:
+        time.sleep(0.1)
+        assert child.poll() is None, "training ended by itself"
+        state = json.loads(path.read_text()) if path.exists() else state
+    child.send_signal(signal.SIGKILL)
+    child.wait()
+    return json.loads(path.read_text())
+
+
+# Estimates
+
+
+def test_each_picture_gets_a_mesh_parameters_and_a_preview(trained, pictures, tmp_path):
+    outputs = ["-o", tmp_path / "a.glb", "--params-out", tmp_path / "a.json", "--preview", tmp_path / "a.png"]
+    found = estimated(*pictures, "-g", trained, *outputs, "--candidates", 3, "--steps", 2)
+    assert [row["image"] for row in found] == [str(path) for path in pictures]
+    for row, picture in zip(found, pictures, strict=True):
+        assert row["output"] == str(tmp_path / f"{picture.stem}.glb")
+        assert len(row["candidates"]) == 3
+        assert all(SPACE.validate(c["params"]) == c["params"] for c in row["candidates"])
+        written = json.loads((tmp_path / f"{picture.stem}.json").read_text())
+        assert written == {"generator": "box", "params": row["candidates"][0]["params"]}
+        width = written["params"]["width"] + 2 * (written["params"]["top"] != "open") * written["params"]["overhang"]
+        assert trimesh.load(row["output"]).extents[0] == pytest.approx(width, abs=1e-4)
+        assert Image.open(tmp_path / f"{picture.stem}.png").size == (3 * 384, 384)
+
+
+def test_a_bad_picture_among_others_does_not_lose_them(trained, pictures, tmp_path):
+    (tmp_path / "bad.png").write_bytes(b"")
+    several = [pictures[0], tmp_path / "bad.png", tmp_path / "none.png", pictures[1]]
+    code, out, err = dipcg(
+        "estimate", *several, "-g", trained, "-o", tmp_path / "a.glb", "--candidates", 1, "--steps", 1
+    )
+    assert code == 1
+    assert err.splitlines() == [
+        f"{tmp_path / 'bad.png'} is empty (0 bytes).",
+        f"There is no picture at {tmp_path / 'none.png'}.",
+    ]
+    assert sorted(path.name for path in tmp_path.glob("*.glb")) == [f"{picture.stem}.glb" for picture in pictures[:2]]
+    assert len(out.splitlines()) == 2
+
+
+def test_kept_values_are_held_in_every_candidate(trained, pictures, tmp_path):
+    words = [pictures[0], "-g", trained, "-o", tmp_path / "a.glb", "--candidates", 8, "--steps", 2]
+    (found,) = estimated(*words, "--keep", "width=0.35", "top=pyramid", "--keep", "has_legs=yes")
+    for candidate in found["candidates"]:
+        assert {name: candidate["params"][name] for name in ("width", "top", "has_legs")} == {
+            "width": 0.35,
+            "top": "pyramid",
+            "has_legs": True,
+        }
+    assert len({candidate["params"]["depth"] for candidate in found["candidates"]}) == 8, "the rest is still estimated"
+
+
+def test_the_same_seed_gives_the_same_estimate(trained, pictures, tmp_path):
+    words = [pictures[0], "-g", trained, "-o", tmp_path / "a.glb", "--candidates", 4, "--steps", 2, "--seed"]
+    first, again, other = estimated(*words, 1), estimated(*words, 1), estimated(*words, 2)
+    assert first == again
+    assert first != other
+
+
+def test_python_and_the_command_line_say_the_same(trained, pictures, tmp_path):
+    words = [pictures[0], "-g", trained, "-o", tmp_path / "a.glb", "--candidates", 4, "--steps", 2]
+    (typed,) = estimated(*words)
+    with Inverter.load(str(trained)) as inverter:
+        estimate = inverter.estimate(pictures[0], candidates=4, steps=2)
+        asset = estimate.build()
+    assert [candidate.params for candidate in estimate.candidates] == [c["params"] for c in typed["candidates"]]
+    assert estimate.params == asset.params == typed["candidates"][0]["params"]
+    assert estimate.view.azimuth_deg == typed["candidates"][0]["view"]["azimuth_deg"]
+    assert estimate.spread == typed["spread"]
+    assert asset.export(tmp_path / "b.glb").read_bytes() == (tmp_path / "a.glb").read_bytes()
+
+
+def test_an_estimate_is_edited_and_built_again(trained, pictures, tmp_path):
+    box = tmp_path / "box.json"
+    (found,) = estimated(pictures[0], "-g", trained, "-o", tmp_path / "a.glb", "--params-out", box, "--candidates", 1)
+    words = ["--set", "height=0.9", "has_legs=1", "leg_height=0.4", "top=open", "--params-out", tmp_path / "b.json"]
+    made = json.loads(succeed("edit", box, "-o", tmp_path / "b.glb", *words, "--json"))
+    assert trimesh.load(tmp_path / "b.glb").extents[1] == pytest.approx(0.9 + 0.4, abs=1e-5)
+    changed = {"height": 0.9, "has_legs": True, "leg_height": 0.4, "top": "open"}
+    expected = SPACE.canonical(found["candidates"][0]["params"] | changed)
+    assert made["params"] == expected
+    assert json.loads((tmp_path / "b.json").read_text())["params"] == expected
+
+
+# Checkpoints that cannot be used
+
+
+@pytest.fixture
+def copied(trained, tmp_path) -> Path:
+    return Path(shutil.copytree(trained, tmp_path / "copied"))
+
+
+def refused(folder: Path, picture: Path) -> str:
+    code, out, err = dipcg("estimate", picture, "-g", folder, "-o", folder.parent / "a.glb")
+    assert (code, out) == (1, "")
+    assert err.count("\n") == 1
+    assert not (folder.parent / "a.glb").exists()
+    return err
+
+
+@pytest.mark.parametrize("share", [0, 0.5, 0.999])
+def test_weights_cut_short_are_refused(copied, pictures, share):
+    weights = (copied / "model.safetensors").read_bytes()
+    (copied / "model.safetensors").write_bytes(weights[: int(share * len(weights))])
+    assert f"The weights in {copied / 'model.safetensors'} are damaged or cut short" in refused(copied, pictures[0])
+
+
+def test_missing_weights_and_a_broken_card_are_refused(copied, pictures):
+    (copied / "model.safetensors").unlink()
+    assert "model.safetensors" in refused(copied, pictures[0])
+    for text in ("", "{", "{}", '{"generator": "box"}'):
+        (copied / "card.json").write_text(text)
+        assert f"{copied} is not a checkpoint: its card.json cannot be read" in refused(copied, pictures[0])
+
+
+def test_a_checkpoint_for_other_parameters_names_the_difference(copied, pictures):
+    card = json.loads((copied / "card.json").read_text())
+    card["fingerprint"] = "0123456789abcdef"
+    card["space"][0]["high"] = 2.0
+    card["space"][3]["options"].append("dome")
+    (copied / "card.json").write_text(json.dumps(card))
+    said = refused(copied, pictures[0])
+    assert "was trained for other parameters of 'box': top, width differ. Train it again with `dipcg train`." in said
+
+
+# Measuring
+
+
+def test_evaluating_compares_the_estimate_with_its_bounds(trained, data, tmp_path):
+    words = ["--count", 3, "--candidates", 2, "--steps", 2, "--metric", "chamfer", "parameter_error"]
+    table = succeed("evaluate", trained, "--data", data, *words, "--json", tmp_path / "table.json")
+    found = json.loads((tmp_path / "table.json").read_text())
+    rows = ["noise floor", "prior (a random one)", "direct guess", "first sample", "estimate (of 2)"]
+    assert list(found) == rows
+    assert [line.split("|")[1].strip() for line in table.splitlines()[2:]] == rows
+    assert all(values["failures"] == 0 for values in found.values())
+    (distance,) = [name for name in found["noise floor"] if name != "failures"]
+    for row in rows[1:]:
+        mean, low, high = found[row][distance]
+        assert found["noise floor"][distance][0] < low <= mean <= high, row
