@@ -81,7 +81,7 @@ def _add_part(name: str, vertices: np.ndarray, faces: np.ndarray, colour: tuple)
 
 def _add_camera(view: View, mesh: Mesh) -> None:
     import bpy
-    from mathutils import Vector
+    from mathutils import Vector  # pyright: ignore[reportMissingImports]
 
     camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
     camera.data.angle = np.radians(view.fov_deg)

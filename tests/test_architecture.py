@@ -17,14 +17,22 @@ README = ROOT / "README.md"
 
 # A file may import its own layer and those above it in this list.
 LAYERS = [
-    line.split()
-    for line in f"""
-        space mesh camera images registry config
-        generators codec worker store render augment mcmc
-        encoders denoiser diffusion sampling dataset validate train tracking weights checkpoint rank pipeline metrics{
-        ""} evaluate export preview
-        cli app doctor listing terminal __main__ __init__
-    """.strip().splitlines()
+    ["space", "mesh", "camera", "images", "registry", "config"],
+    ["generators", "codec", "worker", "store", "render", "augment", "mcmc"],
+    [
+        "encoders",
+        "denoiser",
+        "diffusion",
+        "sampling",
+        "dataset",
+        "validate",
+        "train",
+        "tracking",
+        "weights",
+        "checkpoint",
+    ]
+    + ["rank", "pipeline", "metrics", "evaluate", "export", "preview"],
+    ["cli", "app", "doctor", "listing", "terminal", "__main__", "__init__"],
 ]
 TORCH_FREE = {*LAYERS[0], *LAYERS[1], *LAYERS[3]}
 FORBIDDEN_NAMES = {"utils", "core", "common", "helpers", "base"}

@@ -43,7 +43,7 @@ def decode_mesh(data: bytes) -> Mesh:
     start = end + 1 + counts.nbytes
     grid = meshoptimizer.decode_vertex_buffer(v, 8, data[start : start + size]).view(np.uint16).reshape(v, 4)
     faces = meshoptimizer.decode_index_buffer(3 * f, 4, data[start + size :]).view(np.int32).reshape(f, 3)
-    vertices = grid[:, :3].astype(np.float32) * np.float32(step) + np.float32(low)
+    vertices = grid[:, :3].astype(np.float32) * np.float32(step) + np.array(low, np.float32)
     return Mesh(vertices, faces, np.repeat(np.arange(parts, dtype=np.uint8), counts), names)
 
 

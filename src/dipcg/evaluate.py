@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -62,13 +63,13 @@ class Table:
         low, high = np.percentile(means, [2.5, 97.5])
         return float(low), float(high)
 
-    def to_dict(self) -> dict[str, dict[str, object]]:
+    def to_dict(self) -> dict[str, dict[str, Any]]:
         """Means, intervals and failures as plain values."""
-        return {
-            row: {name: [self.mean(row, name), *self.interval(row, name)] for name in found}
-            | {"failures": self.failures[row]}
-            for row, found in self.values.items()
-        }
+        table: dict[str, dict[str, Any]] = {}
+        for row, found in self.values.items():
+            table[row] = {name: [self.mean(row, name), *self.interval(row, name)] for name in found}
+            table[row]["failures"] = self.failures[row]
+        return table
 
 
 def split_cases(folder: str | Path, count: int, seed: int = 0, split: str = "test") -> Iterator[Case]:

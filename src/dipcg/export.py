@@ -75,6 +75,7 @@ def check_target(path: str | Path, formats: tuple[str, ...] = FORMATS) -> Path:
 def to_trimesh(mesh: Mesh, y_up: bool = False) -> Any:
     """A trimesh scene with one named, coloured geometry per part."""
     import trimesh
+    from trimesh.visual import TextureVisuals
 
     scene, mesh = trimesh.Scene(), drop_degenerate(mesh)
     for part, name in enumerate(mesh.part_names):
@@ -82,7 +83,7 @@ def to_trimesh(mesh: Mesh, y_up: bool = False) -> Any:
         if len(faces):
             piece = trimesh.Trimesh(mesh.vertices, faces, process=False)
             piece.remove_unreferenced_vertices()
-            piece.visual = trimesh.visual.TextureVisuals(material=_material(name, part))
+            piece.visual = TextureVisuals(material=_material(name, part))
             scene.add_geometry(piece, geom_name=name, node_name=name)
     if y_up:
         scene.apply_transform(Y_UP)

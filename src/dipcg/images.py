@@ -88,7 +88,7 @@ def edges(image: RGBA) -> UInt8[np.ndarray, "h w 4"]:
     import cv2
 
     grey = cv2.cvtColor(over_white(image), cv2.COLOR_RGB2GRAY)
-    drawn = cv2.Canny(grey, 60, 140) | cv2.Canny(image[..., 3], 100, 200)
+    drawn = np.maximum(np.asarray(cv2.Canny(grey, 60, 140), np.uint8), cv2.Canny(image[..., 3], 100, 200))
     return np.dstack([255 - drawn] * 3 + [np.full_like(drawn, 255)])
 
 
@@ -187,7 +187,7 @@ def _with_soft_shadow(image: RGBA, outside: Bool[np.ndarray, "h w"]) -> Bool[np.
 
     lab = cv2.GaussianBlur(_lab(image), (0, 0), SHADOW_BLUR * max(image.shape) / 512)
     ground = np.median(_border(lab), axis=0)
-    slope = np.hypot(*(cv2.Sobel(lab[..., 0], cv2.CV_32F, *axis) for axis in ((1, 0), (0, 1)))) / 8
+    slope = np.hypot(*(cv2.Sobel(lab[..., 0], -1, *axis) for axis in ((1, 0), (0, 1)))) / 8
     faint = (ground[0] - lab[..., 0] < SHADOW_DEPTH) & (np.abs(lab - ground)[..., 1:].max(-1) < SHADOW_COLOUR)
     grown = _connected_to_border(outside | (faint & (slope < SHADOW_SLOPE * 512 / max(image.shape))))
     return grown if (grown & ~outside).sum() < 0.6 * (~grown).sum() else outside
@@ -197,10 +197,11 @@ def _without_specks(alpha: UInt8[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]
     """Drop what is too small to be part of the object, but keep thin lines: a median would erase a drawing."""
     import cv2
 
-    _, labels, found, _ = cv2.connectedComponentsWithStats((alpha > 32).astype(np.uint8), connectivity=8)
-    areas = found[:, cv2.CC_STAT_AREA]
-    small = areas < max(4, 0.002 * areas[1:].sum()) if len(areas) > 1 else areas < 0
-    return np.where(small[labels] & (labels > 0), 0, alpha)
+    labels = np.asarray(cv2.connectedComponents((alpha > 32).astype(np.uint8), connectivity=8)[1], np.int64)
+    areas = np.bincount(labels.ravel())
+    areas[0] = 0  # the background is no component
+    small = areas < max(4, 0.002 * areas.sum())
+    return np.where(small[labels], 0, alpha)
 
 
 def _connected_to_border(background: np.ndarray) -> np.ndarray:

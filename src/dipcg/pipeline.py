@@ -174,6 +174,8 @@ class Inverter:
         first, spread = self._central_first(found)[0].params, {}
         for p in self.generator.space:
             values = [c.params[p.name] for c in found]
-            agree = float(np.mean([value == first[p.name] for value in values]))
-            spread[p.name] = float(np.std(values)) if isinstance(p, Real) else agree
+            if isinstance(p, Real):
+                spread[p.name] = float(np.std([float(value) for value in values]))
+            else:
+                spread[p.name] = values.count(first[p.name]) / len(values)
         return spread

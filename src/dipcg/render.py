@@ -104,7 +104,7 @@ class Renderer:
         import moderngl
 
         try:
-            return moderngl.create_context(standalone=True, backend="egl")
+            return moderngl.create_context(standalone=True, backend="egl")  # pyright: ignore[reportArgumentType]
         except Exception as error:
             raise RuntimeError(
                 f"OpenGL through EGL could not be started ({error}). "

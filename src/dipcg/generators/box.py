@@ -39,7 +39,9 @@ def build(params: Params) -> Mesh:
     if params["has_legs"]:
         pieces += [("leg", *_block(x, y, 0, LEG, LEG, base)) for x in (0, width - LEG) for y in (0, depth - LEG)]
     mesh = join(pieces)
-    return Mesh(mesh.vertices - np.float32([width / 2, depth / 2, 0]), mesh.faces, mesh.parts, mesh.part_names)
+    return Mesh(
+        mesh.vertices - np.array([width / 2, depth / 2, 0], np.float32), mesh.faces, mesh.parts, mesh.part_names
+    )
 
 
 def _body(width: float, depth: float, height: float, base: float, open_top: bool) -> list[tuple]:

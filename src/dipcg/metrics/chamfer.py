@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from dipcg.metrics import Points
 
@@ -26,7 +26,7 @@ def measure(a: Points, b: Points) -> float:
 
 def nearest(a: Float[np.ndarray, "n 3"], b: Points) -> Float[np.ndarray, " n"]:
     """For each point of `a`, the distance to the nearest point of `b`."""
-    return cKDTree(b).query(a)[0]
+    return KDTree(b).query(a)[0]
 
 
 def best_quarter_turn(a: Points, b: Points) -> Points:
