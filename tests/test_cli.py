@@ -213,14 +213,11 @@ def test_a_contact_sheet_and_a_table_are_checked_as_early(capsys, untrained):
 
 def test_no_picture_is_overwritten_and_no_result_written_twice(capsys, untrained, picture, no_builds):
     before = picture.read_bytes()
-    Path("other").mkdir()
-    words = ["estimate", picture, "-g", untrained, "-o", "a.glb"]
-    assert (
-        sentence(capsys, *words, "--preview", picture)
-        == "picture.png would be overwritten; choose another name or folder."
-    )
-    assert "picture.glb would be overwritten" in sentence(capsys, *words, Path("other") / picture)
-    assert "picture.png would be overwritten" in sentence(capsys, *words, "b.png", "--preview", "sheet.png")
+    into = ["-g", untrained, "-o", "a.glb", "--preview"]
+    would = "would be overwritten; choose another name or folder."
+    assert sentence(capsys, "estimate", picture, *into, picture) == f"picture.png {would}"
+    assert sentence(capsys, "estimate", picture, "other/picture.png", *into[:-1]) == f"picture.glb {would}"
+    assert sentence(capsys, "estimate", picture, "b.png", *into, "sheet.png") == f"picture.png {would}"
     assert picture.read_bytes() == before
 
 
@@ -243,7 +240,7 @@ def box_with(**changes: object) -> str:
         ('{"generator": "box", "params": {}}', "These parameters are missing: width, depth"),
         (box_with(hight=1), "There is no parameter 'hight'. Did you mean 'height'?"),
         (box_with(width=9), "width must be a number"),
-        (box_with(width=None), "width must be a number"),
+        (box_with(width="wide"), "width must be a number"),
     ],
 )
 def test_a_broken_parameter_file_gets_a_sentence(capsys, no_builds, text, expected):

@@ -156,6 +156,31 @@ def test_renderers_do_not_disturb_each_other(renderer):
     np.testing.assert_array_equal(renderer.render(mesh, ASIDE), first)
 
 
+FORK = """
+import os
+from dipcg.camera import View
+from dipcg.mesh import make_mesh
+from dipcg.render import Renderer
+
+triangle = make_mesh([[0, 0, 0], [1, 0, 0], [0, 0, 1]], [[0, 1, 2]])
+Renderer(16).render(triangle, View(0.0, 0.0))
+child = os.fork()
+if child:
+    os.waitpid(child, 0)
+else:
+    try:
+        Renderer(16).render(triangle, View(0.0, 0.0))
+    except RuntimeError as error:
+        print(error, flush=True)
+    os._exit(0)
+"""
+
+
+def test_a_fork_of_a_process_that_rendered_gets_a_sentence_and_does_not_hang():
+    done = subprocess.run([sys.executable, "-c", FORK], capture_output=True, text=True, timeout=120)
+    assert done.stdout.startswith("This process was forked from one that had rendered"), done.stderr
+
+
 # Blender's own picture
 
 BLENDER = """

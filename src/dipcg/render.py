@@ -6,6 +6,7 @@ that made it; make one renderer per thread.
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -27,6 +28,7 @@ PALETTE = np.array(
     ]
 )
 MAX_LIGHTS = 3
+_rendered_in: set[int] = set()  # ids of this process and of those it was forked from, as far as they have rendered
 
 
 @dataclass(frozen=True)
@@ -103,6 +105,12 @@ class Renderer:
     def _context(self) -> Any:
         import moderngl
 
+        if _rendered_in - {os.getpid()}:  # Mesa would wait for threads that exist in the other process alone
+            raise RuntimeError(
+                "This process was forked from one that had rendered, and OpenGL cannot go on there; "
+                "start it with multiprocessing's `spawn`, or render in one of the two only."
+            )
+        _rendered_in.add(os.getpid())
         try:
             return moderngl.create_context(standalone=True, backend="egl")  # pyright: ignore[reportArgumentType]
         except Exception as error:

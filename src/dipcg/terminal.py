@@ -14,13 +14,17 @@ Update = Callable[[int, str], None]
 
 @contextlib.contextmanager
 def bar(label: str, total: int) -> Iterator[Update]:
-    """A progress bar on stderr with the time left; call the update with what is done and a short note."""
+    """A progress bar with the time left if stderr is a terminal; call the update with what is done and a short note."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda done, note: None
+        return
     text = TextColumn("{task.fields[note]}")
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total}"))
-    with Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), text, console=Console(stderr=True)) as progress:
+    with Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), text, console=console) as progress:
         task = progress.add_task(label, total=total, note="")
         try:
             yield lambda done, note: progress.update(task, completed=done, note=note)

@@ -221,7 +221,7 @@ def _build(params: Params, detail: contextlib.AbstractContextManager[None]) -> M
 def _pieces(factory: Any, p: Params) -> Iterator[Piece]:
     """The parts in the order in which the factory needs them: bars and panels follow the centre lines of thin limbs."""
     seat, legs, backs = factory.make_seat(), factory.make_legs(), factory.make_backs()
-    bars = [*_bars(factory, legs, "x", p["leg_offset_bar1"]), *_bars(factory, legs, "y", p["leg_offset_bar0"])]
+    bars = [*_bars(factory, legs, "x", p), *_bars(factory, legs, "y", p)]
     arms = factory.make_arms(seat, backs) if p["has_arm"] else []
     panels = factory.make_back_decors(backs)
     legs = [factory.solidify(leg, 2) for leg in legs]
@@ -230,14 +230,13 @@ def _pieces(factory: Any, p: Params) -> Iterator[Piece]:
         yield from (read_piece(part, obj) for obj in objects)
 
 
-def _bars(factory: Any, legs: list[Any], axis: str, height: Any) -> list[Any]:
+def _bars(factory: Any, legs: list[Any], axis: str, p: Any) -> list[Any]:
     """The bars along one axis alone, since the factory draws the heights of both from one range."""
-    wanted = getattr(factory, f"has_leg_{axis}_bar")
-    factory.has_leg_x_bar, factory.has_leg_y_bar = (wanted and axis == "x"), (wanted and axis == "y")
+    for other in ("x", "y"):
+        setattr(factory, f"has_leg_{other}_bar", other == axis and p[f"has_leg_{axis}_bar"])
+    height = p["leg_offset_bar1" if axis == "x" else "leg_offset_bar0"]
     factory.leg_offset_bar = (height, height)
-    bars = factory.make_leg_decors(legs)
-    setattr(factory, f"has_leg_{axis}_bar", wanted)
-    return bars
+    return factory.make_leg_decors(legs)
 
 
 def _attributes(p: Any) -> dict[str, Any]:
