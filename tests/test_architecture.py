@@ -32,7 +32,7 @@ LAYERS = [
         "checkpoint",
     ]
     + ["rank", "pipeline", "metrics", "evaluate", "export", "preview"],
-    ["cli", "app", "doctor", "listing", "terminal", "__main__", "__init__"],
+    ["cli", "cli_assets", "cli_learning", "app", "doctor", "listing", "terminal", "__main__", "__init__"],
 ]
 TORCH_FREE = {*LAYERS[0], *LAYERS[1], *LAYERS[3]}
 FORBIDDEN_NAMES = {"utils", "core", "common", "helpers", "base"}

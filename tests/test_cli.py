@@ -14,7 +14,8 @@ from PIL import Image
 import dipcg.generators
 from dipcg import registry, worker
 from dipcg.checkpoint import save_checkpoint
-from dipcg.cli import main, parse_settings
+from dipcg.cli import main
+from dipcg.cli_assets import parse_settings
 from dipcg.config import ModelConfig
 from dipcg.denoiser import Estimator
 from dipcg.generators import load_generator

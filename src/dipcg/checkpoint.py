@@ -52,7 +52,7 @@ def _read_card(folder: Path) -> dict[str, Any]:
     try:
         card = json.loads((folder / CARD).read_text())
         return {key: card[key] for key in ("generator", "ref", "fingerprint", "model", "space")} | card
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, TypeError) as error:
         raise CheckpointError(f"{folder} is not a checkpoint: its {CARD} cannot be read ({error}).") from None
 
 

@@ -91,7 +91,9 @@ class Outputs(nn.Module):
 
     def log_probabilities(self, logits: Float[Tensor, "b k"]) -> Float[Tensor, "b k"]:
         """A log softmax over the options of each choice."""
-        logits = logits - logits.amax(1, keepdim=True).detach()
+        highest = logits.new_full((len(logits), self.dimension), -torch.inf)
+        highest = highest.scatter_reduce_(1, self.owner.expand_as(logits), logits.detach(), "amax")
+        logits = logits - highest[:, self.owner]
         return logits - self._sum(logits.exp()).clamp_min(1e-30).log()[:, self.owner]
 
     def modes(self, prediction: Prediction) -> Float[Tensor, "b d"]:

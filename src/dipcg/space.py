@@ -209,7 +209,7 @@ def params_to_json(params: Params, generator: str) -> str:
     return json.dumps({"generator": generator, "params": params}, indent=1)
 
 
-def params_from_json(text: str) -> tuple[str, Params]:
+def params_from_json(text: str) -> tuple[str, dict[str, Any]]:
     """Read what `params_to_json` wrote: generator name and unchecked parameters; raises ValueError."""
     try:
         document = json.loads(text)

@@ -7,8 +7,7 @@ is taken. The published pair `leg_offset_bar` is one range for both kinds of bar
 `is_leg_round`, which gives arms that are tubes. Faces and parts of two builds are equal; some dozen beveled vertices
 differ by up to 3e-8 m, because Blender's bevel adds numbers in an order that depends on memory.
 
-Sources: Infinigen Indoors (Raistrick et al. 2024) for the factory, the published DI-PCG parameters (Zhao et al. 2024,
-supplement) for the list and the ranges.
+Sources: Infinigen Indoors (Raistrick et al. 2024) for the factory, DI-PCG's published parameters for list and ranges.
 """
 
 from __future__ import annotations

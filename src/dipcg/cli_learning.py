@@ -1,0 +1,172 @@
+"""Commands that make estimators: dataset build, info and gallery, train, evaluate."""
+
+from __future__ import annotations
+
+import json as jsons
+from pathlib import Path
+from typing import Annotated, Any
+
+from tyro.conf import Positional, arg
+
+from dipcg.cli_assets import Output
+from dipcg.config import ModelConfig, TrainConfig
+
+
+def dataset_build(
+    generator: Positional[str],
+    /,
+    *,
+    output: Output,
+    count: int = 20_000,
+    seed: int = 0,
+    workers: int = 2,
+    timeout_s: float = 60.0,
+    resume: bool = True,
+) -> None:
+    """Sample a generator and store parameters and light meshes.
+
+    Args:
+        generator: name, or a path to a Python file
+        output: folder for the shards
+        count: number of shapes
+        seed: of the shapes
+        workers: processes that build
+        timeout_s: seconds after which a build is given up
+        resume: go on with a folder that already has shards
+    """
+    from dipcg.store import build_dataset
+    from dipcg.terminal import bar
+
+    if not resume and any(output.glob("shard-*.parquet")):
+        raise ValueError(f"{output} already has shards; choose another folder, or leave out --no-resume.")
+    with bar("building", count) as update:
+        failed = build_dataset(
+            generator, output, count, seed, workers, timeout_s, lambda p: update(p.done, f"{p.failed} failed")
+        )
+    print(f"{count - failed} shapes in {output}, {failed} failed.")
+
+
+def dataset_info(folder: Positional[Path], /, *, json: bool = False) -> None:
+    """Say what a data set holds.
+
+    Args:
+        folder: with shards
+        json: print JSON
+    """
+    from dipcg.store import Store
+
+    found = Store(folder).summary()
+    print(jsons.dumps(found, indent=1) if json else "\n".join(f"{key:12} {value}" for key, value in found.items()))
+
+
+def dataset_gallery(folder: Positional[Path], /, *, output: Output, count: int = 48) -> None:
+    """Draw a contact sheet of a data set.
+
+    Args:
+        folder: with shards
+        output: PNG file
+        count: number of shapes
+    """
+    from itertools import islice
+
+    from dipcg.export import check_target
+    from dipcg.preview import contact_sheet
+    from dipcg.store import Store
+
+    check_target(output, (".png",))
+    meshes = [sample.mesh for sample in islice(Store(folder).samples(), count) if sample.mesh]
+    if not meshes:
+        raise ValueError(f"None of the first {count} samples in {folder} has a mesh to draw.")
+    contact_sheet(meshes, output)
+    print(f"Wrote {output}.")
+
+
+def train(
+    generator: Positional[str],
+    /,
+    *,
+    data: Path,
+    output: Output = Path("runs"),
+    train: Annotated[TrainConfig, arg(name="")] = TrainConfig(),  # noqa: B008 - frozen
+    model: Annotated[ModelConfig, arg(name="")] = ModelConfig(),  # noqa: B008 - frozen
+) -> None:
+    """Train an estimator on a data set; a killed run goes on where it was.
+
+    Args:
+        generator: name, or a path to a Python file; its checkpoint goes to a folder of this name in the output
+        data: folder from `dipcg dataset build`
+        output: folder for checkpoints
+    """
+    from dipcg.store import Store
+    from dipcg.terminal import bar
+    from dipcg.tracking import Log
+    from dipcg.train import train as run
+
+    info = Store(data).info
+    if generator not in (info["generator"], info["ref"]):
+        raise ValueError(f"{data} holds shapes of {info['generator']!r}, not of {generator!r}.")
+    folder = output / info["generator"]
+    with bar("training", 1000) as update, Log(folder) as log:
+
+        def report(status: Any) -> None:
+            update(int(1000 * status.share), f"loss {status.loss:.3f}, {status.pictures_per_s:.0f} pictures/s")
+            log(status)
+
+        run(data, folder, train, model, report)
+    print(f"Wrote the best weights to {folder}. Try: dipcg estimate PICTURE -g {folder} -o out.glb")
+
+
+def evaluate(
+    generator: Positional[str],
+    /,
+    *,
+    data: Path | None = None,
+    pairs: Path | None = None,
+    prefix: str = "",
+    count: int = 100,
+    candidates: int = 16,
+    steps: int = 10,
+    metric: tuple[str, ...] = (),
+    json: Path | None = None,
+) -> None:
+    """Measure an estimator on unseen shapes of a data set, or on pictures with surface points.
+
+    Args:
+        generator: name, or a folder with a checkpoint
+        data: folder from `dipcg dataset build`, of which the test split is used
+        pairs: folder with NAME.png and NAME.npz (array `points`), compared at the best of four quarter turns
+        prefix: only pairs whose names start so; the generator's name when left out
+        count: at most so many shapes
+        candidates: how many samples an estimate draws
+        steps: of the sampler
+        metric: names of metrics; all when left out
+        json: file for the table as JSON
+    """
+    from itertools import islice
+
+    from dipcg.evaluate import evaluate as measure
+    from dipcg.evaluate import pair_cases, split_cases
+    from dipcg.export import check_target
+    from dipcg.pipeline import Inverter
+    from dipcg.terminal import bar, table
+
+    if (data is None) == (pairs is None):
+        raise ValueError("Give one of --data and --pairs.")
+    if json is not None:
+        check_target(json, (".json",))
+    with Inverter.load(generator, workers=2) as inverter, bar("measuring", count) as update:
+        name = inverter.generator.name
+        cases = split_cases(data, count) if data else islice(pair_cases(pairs or Path(), prefix or name), count)
+        done = iter(range(1, count + 1))
+        found = measure(
+            inverter,
+            cases,
+            candidates,
+            steps,
+            pairs is not None,
+            list(metric) or None,
+            lambda case: update(next(done), case.name),
+        )
+    print(table(found))
+    if json:
+        json.write_text(jsons.dumps(found.to_dict(), indent=1))
