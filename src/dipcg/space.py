@@ -22,12 +22,12 @@ class Real:
     """A real parameter between `low` and `high`, active when every entry of `when` holds."""
 
     name: str
-    low: float
-    high: float
+    low: float | int
+    high: float | int
     unit: str = ""
     doc: str = ""
     group: str = ""
-    default: float | None = None
+    default: float | int | None = None
     when: Condition = field(default_factory=dict)
 
     def encode(self, value: Value) -> float:

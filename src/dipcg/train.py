@@ -6,6 +6,7 @@ weights that were best on the validation split.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import time
@@ -58,9 +59,21 @@ def train(
     run = Run(Estimator(generator.space, model_config), config, Path(out), generator)
     checks = _validation_batch(data, run.model, config.seed)
     batches = iter(loader(_pictures(generator, shapes, run.model, config), config.workers))
-    for status in run.steps(batches, checks):
-        report(status)
+    with _processors_left_by(config.workers):
+        for status in run.steps(batches, checks):
+            report(status)
     return run.averaged
+
+
+@contextlib.contextmanager
+def _processors_left_by(workers: int) -> Iterator[None]:
+    """Compute on the processors that no worker renders on: a thread that shares one makes all the others wait."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(max(1, before - workers))
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 class Run:
@@ -72,7 +85,9 @@ class Run:
         self.model = model.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.averaged = Estimator(generator.space, model.config).to(self.device)
         self.averaged.load_state_dict(self.model.state_dict())
-        self.optimiser = torch.optim.AdamW(self.model.parameters(), 1e-3, (0.9, 0.98), weight_decay=config.weight_decay)
+        self.optimiser = torch.optim.AdamW(
+            self.model.parameters(), 1e-3, (0.9, 0.98), weight_decay=config.weight_decay, fused=True
+        )
         self.elapsed_s, self.pictures, self.step, self.best = 0.0, 0, 0, math.inf
         self._resume()
 
@@ -112,8 +127,8 @@ class Run:
     def check(self, checks: Batch) -> Validation:
         """Validate the averaged weights, keep them if they are the best, and save the state."""
         found = validate(self.averaged, Batch(*(part.to(self.device) for part in checks)))
-        if found.score <= self.best or self.share >= 1:
-            self.best = min(self.best, found.score)
+        if found.loss <= self.best:
+            self.best = found.loss
             about = {"train": asdict(self.config), "pictures": self.pictures, "seconds": round(self.elapsed_s)}
             save_checkpoint(self.out, self.averaged, self.generator, about | {"validation": asdict(found)})
         self._save_state()

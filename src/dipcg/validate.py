@@ -11,6 +11,8 @@ from torch import Tensor
 from dipcg.camera import VIEW_NUMBERS
 from dipcg.dataset import Batch
 from dipcg.denoiser import Estimator
+from dipcg.diffusion import denoising_loss, guess_loss, with_view
+from dipcg.encoders import Features
 from dipcg.sampling import sample
 
 
@@ -22,22 +24,27 @@ class Validation:
     guess_choices: float
     sample_reals: float
     sample_choices: float
-
-    @property
-    def score(self) -> float:
-        """What the best weights have lowest: errors of the sample, with the guess as its floor."""
-        return self.sample_reals + self.guess_reals + 2 - self.sample_choices - self.guess_choices
+    loss: float
+    """of training, guess and denoiser, on these pictures: what the best weights have lowest"""
 
 
 @torch.no_grad()
 def validate(model: Estimator, batch: Batch, seed: int = 0) -> Validation:
-    """Compare the direct guess and one sample per picture with the truth."""
+    """Compare the direct guess and one sample per picture with the truth, and give the loss at fixed noise."""
     model.eval()
     features = model.encoder(batch.images.float() / 255)
     guess = model.outputs.modes(model.first_guess(features))
     noise = torch.randn(batch.x.shape, generator=torch.Generator().manual_seed(seed)).to(batch.x)
     drawn = model.outputs.modes(sample(model, model.condition(features), noise))
-    return Validation(*_errors(model, guess, batch), *_errors(model, drawn, batch))
+    return Validation(*_errors(model, guess, batch), *_errors(model, drawn, batch), _loss(model, features, batch, seed))
+
+
+def _loss(model: Estimator, features: Features, batch: Batch, seed: int) -> float:
+    active = with_view(batch.active)
+    with torch.random.fork_rng(devices=[batch.x.device] if batch.x.is_cuda else []):
+        torch.manual_seed(seed)
+        denoising = denoising_loss(model, model.condition(features), batch.x, active, lock=0.0)
+    return float(guess_loss(model, model.first_guess(features), batch.x, active) + denoising)
 
 
 def _errors(model: Estimator, x: Float[Tensor, "b d"], batch: Batch) -> tuple[float, float]:
