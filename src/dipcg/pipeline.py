@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from dipcg.camera import VIEW_NUMBERS, View, decode_view, encode_view
 from dipcg.checkpoint import load_checkpoint
-from dipcg.denoiser import Estimator
+from dipcg.denoiser import Condition, Estimator, Prediction
 from dipcg.encoders import Features
 from dipcg.export import Asset
 from dipcg.generators import Detail, Generator
@@ -26,10 +26,13 @@ from dipcg.space import Params, Real
 from dipcg.weights import find_checkpoint
 from dipcg.worker import BuildPool
 
+Locks = tuple[Float[Tensor, " d"], Bool[Tensor, " d"]]  # values of x, and which of them are given
+EXPECTED_OVER = 8  # draws of noise over which the expected candidate is averaged
+
 
 @dataclass(frozen=True)
 class Candidate:
-    """One sample of what the picture may show: parameters and the camera that saw them."""
+    """One of the things the picture may show: parameters and the camera that saw them."""
 
     params: Params
     view: View
@@ -37,10 +40,10 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a picture shows, the likeliest candidate first, with how much the candidates differ.
+    """What a picture shows: the expected candidate first, then samples, the most central first, and how they differ.
 
-    `spread` has for each parameter the standard deviation over the candidates (reals, in natural units) or the share of
-    candidates that agree with the first (choices).
+    `spread` has for each parameter the standard deviation over the samples (reals, in natural units) or the share of
+    samples that agree with the first candidate (choices).
     """
 
     candidates: list[Candidate]
@@ -102,12 +105,13 @@ class Inverter:
         if min(candidates, steps) < 1:
             raise ValueError(f"candidates and steps must be at least 1, got {candidates} and {steps}.")
         picture, background = prepare(image, self.image_size)
-        known, given = self._locks(keep or {})
-        rng = np.random.default_rng(seed)
-        noise = torch.from_numpy(rng.standard_normal((candidates, len(known)))).float()
-        x = self._draw(picture, noise, steps, known.repeat(candidates, 1), given.repeat(candidates, 1))
-        found = [self._candidate(row, keep or {}) for row in x]
-        return Estimate(self._central_first(found), self._spread(found), picture, background, self)
+        locks, rng = self._locks(keep or {}), np.random.default_rng(seed)
+        noise = torch.from_numpy(rng.standard_normal((EXPECTED_OVER + candidates - 1, len(locks[0])))).float()
+        condition = self.model.condition(self._features(picture))
+        expected = self._candidate(self._expected(condition, noise[:EXPECTED_OVER], locks), keep or {})
+        drawn = [self._candidate(x, keep or {}) for x in self._drawn(condition, noise[EXPECTED_OVER:], steps, locks)]
+        spread = self._spread(expected, drawn or [expected])
+        return Estimate([expected, *self._central_first(drawn)], spread, picture, background, self)
 
     @torch.inference_mode()
     def guess(self, image: Source) -> Candidate:
@@ -117,7 +121,7 @@ class Inverter:
 
     def build(self, params: Params, detail: Detail = "full") -> Asset:
         """Build parameters in a worker process; raises worker.BuildError with a sentence."""
-        return Asset(self.pool.build(params, detail), self.generator.name, params)
+        return Asset(self.pool.build(params, detail), self.generator.ref, params)
 
     @property
     def image_size(self) -> int:
@@ -143,15 +147,32 @@ class Inverter:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _draw(self, picture: np.ndarray, noise: Tensor, steps: int, known: Tensor, given: Tensor) -> np.ndarray:
-        condition = self.model.condition(self._features(picture)).repeat(len(noise))
-        prediction = sample(self.model, condition, noise, steps, known=known, given=given)
-        return torch.where(given, known, self.model.outputs.modes(prediction)).double().numpy()
+    def _expected(self, condition: Condition, noise: Tensor, locks: Locks) -> Float[np.ndarray, " d"]:
+        """The mean of reals and the likeliest of choices: what the denoiser expects before its first step.
+
+        Nearer to the truth than one sample is in the mean, since a sample also draws what the picture does not tell.
+        """
+        first = self._sample(condition, noise, 1, locks)
+        chance = self.model.outputs.log_probabilities(first.logits).exp().mean(0, keepdim=True)
+        mean = Prediction(first.mean.mean(0, keepdim=True), chance.log())
+        return torch.where(locks[1], locks[0], self.model.outputs.modes(mean))[0].double().numpy()
+
+    def _drawn(
+        self, condition: Condition, noise: Tensor, steps: int, locks: Locks
+    ) -> Float[np.ndarray, "k d"] | list[np.ndarray]:
+        if not len(noise):
+            return []
+        drawn = self.model.outputs.modes(self._sample(condition, noise, steps, locks))
+        return torch.where(locks[1], locks[0], drawn).double().numpy()
+
+    def _sample(self, condition: Condition, noise: Tensor, steps: int, locks: Locks) -> Prediction:
+        known, given = (part.repeat(len(noise), 1) for part in locks)
+        return sample(self.model, condition.repeat(len(noise)), noise, steps, known=known, given=given)
 
     def _features(self, picture: np.ndarray) -> Features:
         return self.model.encoder(torch.from_numpy(over_white(picture)).permute(2, 0, 1)[None].float() / 255)
 
-    def _locks(self, keep: Mapping[str, Any]) -> tuple[Float[Tensor, " d"], Tensor]:
+    def _locks(self, keep: Mapping[str, Any]) -> Locks:
         space, size = self.generator.space, len(self.generator.space) + VIEW_NUMBERS
         known, given = torch.zeros(size), torch.zeros(size, dtype=torch.bool)
         for name, value in keep.items():
@@ -166,16 +187,18 @@ class Inverter:
 
     def _central_first(self, found: list[Candidate]) -> list[Candidate]:
         """Order by the mean distance to all others in x: one sample may be odd, the most central one seldom is."""
+        if len(found) < 2:
+            return found
         points = np.array([np.r_[self.generator.space.encode(c.params), encode_view(c.view)] for c in found])
         distance = np.abs(points[:, None] - points[None]).mean((1, 2))
         return [found[i] for i in np.argsort(distance, kind="stable")]
 
-    def _spread(self, found: list[Candidate]) -> dict[str, float]:
-        first, spread = self._central_first(found)[0].params, {}
+    def _spread(self, first: Candidate, drawn: list[Candidate]) -> dict[str, float]:
+        spread = {}
         for p in self.generator.space:
-            values = [c.params[p.name] for c in found]
+            values = [c.params[p.name] for c in drawn]
             if isinstance(p, Real):
                 spread[p.name] = float(np.std([float(value) for value in values]))
             else:
-                spread[p.name] = values.count(first[p.name]) / len(values)
+                spread[p.name] = values.count(first.params[p.name]) / len(values)
         return spread
