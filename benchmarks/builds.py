@@ -1,42 +1,48 @@
-"""Chairs built by two workers for a long time: seconds of one core each, and whether they slow down."""
+"""Seconds of one build of every generator, light and full, in one warm worker; failed builds are counted."""
 
 import os
-import resource
+import sys
 import time
 
 import numpy as np
 
 from benchmarks.timing import header, machine, row
+from dipcg import registry
 from dipcg.generators import load_generator
-from dipcg.worker import BuildPool
+from dipcg.worker import BuildError, BuildPool
 
-COUNT = int(os.environ.get("DIPCG_BENCH_BUILDS", "2000"))
-SHARES = 4
+LIGHT = int(os.environ.get("DIPCG_BENCH_LIGHT", "100"))
+FULL = int(os.environ.get("DIPCG_BENCH_FULL", "20"))
 
 
 def main() -> None:
     print(machine() + "\n")
-    space, rng = load_generator("chair").space, np.random.default_rng(0)
-    header("light chairs", "wall s each", "core s each (two workers)")
-    with BuildPool("chair", workers=2) as pool:
-        list(pool.map([space.sample(rng) for _ in range(4)]))
-        for share in range(SHARES):
-            wall, core = _run(pool, [space.sample(rng) for _ in range(COUNT // SHARES)])
-            row(f"{share * COUNT // SHARES} to {(share + 1) * COUNT // SHARES}", f"{wall:.3f}", f"{core:.3f}")
-    print(f"\nAll with their restarts: {_children_cpu() / (COUNT + 4):.3f} processor seconds each.")
+    header(
+        *("generator", "parameters", "light: median s", "95 %", "triangles", "failed"),
+        *("full: median s", "95 %", "triangles", "failed"),
+    )
+    for name in registry.names("generators"):
+        if load_generator(name).missing:
+            print(f"{name} is skipped: not installed here.")
+            continue
+        with BuildPool(name) as pool:
+            row(name, len(pool.generator.space), *_measured(pool, "light", LIGHT), *_measured(pool, "full", FULL))
 
 
-def _run(pool: BuildPool, many: list) -> tuple[float, float]:
-    started = time.perf_counter()
-    failed = sum(isinstance(built, Exception) for built in pool.map(many))
-    assert not failed, f"{failed} builds failed"
-    wall = (time.perf_counter() - started) / len(many)
-    return wall, 2 * wall
-
-
-def _children_cpu() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+def _measured(pool: BuildPool, detail, count: int) -> list[str]:
+    """Median and 95th percentile of the seconds, median triangles, failures, of the assets of seeds 0 to `count`."""
+    seconds, faces, failed = [], [], 0
+    pool.build(pool.generator.space.sample(np.random.default_rng(count)), detail)
+    for seed in range(count):
+        started = time.perf_counter()
+        try:
+            faces.append(len(pool.build(pool.generator.space.sample(np.random.default_rng(seed)), detail).faces))
+        except BuildError as error:
+            failed += 1
+            print(error, file=sys.stderr)
+        seconds.append(time.perf_counter() - started)
+    median, late = np.percentile(seconds, [50, 95])
+    return [f"{median:.3f}", f"{late:.3f}", f"{np.median(faces):,.0f}", str(failed)]
 
 
 if __name__ == "__main__":
