@@ -18,7 +18,7 @@ README = ROOT / "README.md"
 # A file may import its own layer and those above it in this list.
 LAYERS = [
     ["space", "mesh", "camera", "images", "registry", "config"],
-    ["generators", "codec", "worker", "store", "render", "augment", "mcmc"],
+    ["generators", "adopt", "codec", "worker", "store", "render", "augment", "mcmc"],
     [
         "encoders",
         "denoiser",
@@ -32,7 +32,8 @@ LAYERS = [
         "checkpoint",
     ]
     + ["rank", "pipeline", "metrics", "evaluate", "export", "preview"],
-    ["cli", "cli_assets", "cli_learning", "app", "doctor", "listing", "terminal", "__main__", "__init__"],
+    ["cli", "cli_assets", "cli_generators", "cli_learning", "app", "doctor", "listing", "terminal"]
+    + ["__main__", "__init__"],
 ]
 TORCH_FREE = {*LAYERS[0], *LAYERS[1], *LAYERS[3]}
 FORBIDDEN_NAMES = {"utils", "core", "common", "helpers", "base"}

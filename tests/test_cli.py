@@ -123,6 +123,34 @@ def test_settings_may_share_a_flag_or_have_one_each(capsys):
     assert (made["width"], made["depth"], made["top"]) == (0.5, 0.6, "open")
 
 
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("space = 3\ndef build(params): ...", "must define `space`, a ParameterSpace, and a function `build`"),
+        ("build = lambda params: None", "must define `space`"),
+        ("import no_such", "stool.py cannot be loaded, ModuleNotFoundError: No module named 'no_such'."),
+        ("space = (", "stool.py cannot be loaded, SyntaxError"),
+        ("space = Parameters()", "stool.py cannot be loaded, NameError: name 'Parameters' is not defined."),
+        (None, "There is no file stool.py"),
+    ],
+)
+def test_a_file_that_is_no_generator_gets_a_sentence(capsys, no_builds, text, expected):
+    if text is not None:
+        Path("stool.py").write_text(text)
+    for words in ("sample ./stool.py -o a.glb", "generators stool.py", "dataset build ./stool.py -o data"):
+        assert expected in sentence(capsys, *words.split())
+
+
+def test_a_generator_by_path_is_estimated_from_its_run_in_this_folder(capsys, untrained, picture):
+    said = sentence(capsys, "estimate", picture, "-g", "./stool.py", "-o", "a.glb")
+    assert "no trained checkpoint for './stool.py'" in said
+    assert "dipcg train ./stool.py" in said
+    Path("runs").mkdir()
+    Path("runs/stool").symlink_to(untrained)
+    words = ["estimate", picture, "-g", "./stool.py", "-o", "a.glb", "--candidates", 1, "--steps", 1]
+    assert run(capsys, *words)[0] == 0
+
+
 # Pictures
 
 

@@ -17,8 +17,9 @@ from dipcg import store
 from dipcg.codec import decode_mesh, encode_mesh
 from dipcg.generators import load_generator
 from dipcg.mesh import Mesh, make_mesh
+from dipcg.space import params_from_json
 from dipcg.store import SPLITS, Progress, Store, build_dataset, in_split
-from dipcg.worker import BuildPool
+from dipcg.worker import BuildError, BuildPool
 
 SHARD = 4
 
@@ -178,13 +179,55 @@ def test_failures_are_rows_with_a_reason(tmp_path):
     assert Store(tmp_path / "data").summary()["failed"] == {"raised": failed}
 
 
+WAYS_TO_FAIL = (
+    "import os\n    if size < 1.2: raise RuntimeError('no leg')\n    if size < 1.4: return [[size] * 3], [[0, 1, 2]]\n"
+    "    if size < 1.6: os._exit(3)\n    if size < 1.7: time.sleep(60)\n    if size < 1.8: return [], []"
+)
+
+
+def test_every_kind_of_failure_is_counted_and_can_be_built_again(tmp_path):
+    ref = write_generator(tmp_path, WAYS_TO_FAIL)
+    build_dataset(ref, tmp_path / "data", 24, timeout_s=1.0)
+    summary = Store(tmp_path / "data").summary()
+    samples = list(Store(tmp_path / "data").samples())
+    expected = [why_it_fails(sample.params["size"]) for sample in samples]
+    assert [sample.failure for sample in samples] == expected
+    assert summary["failed"] == {reason: expected.count(reason) for reason in sorted({*expected} - {None})}
+    assert set(summary["failed"]) == {"raised", "unusable", "crashed", "timeout"}
+    for reason, sentence in summary["first_failed"].items():
+        first = samples[expected.index(reason)]
+        assert sentence == first.sentence
+        assert params_from_json(sentence[sentence.index("{") :]) == (ref, first.params)
+
+
+def why_it_fails(size: float) -> str | None:
+    limits = {1.2: "raised", 1.4: "unusable", 1.6: "crashed", 1.7: "timeout", 1.8: "unusable"}
+    return next((reason for limit, reason in limits.items() if size < limit), None)
+
+
+def test_failures_without_a_sentence_are_read_as_older_versions_wrote_them(tmp_path, monkeypatch):
+    monkeypatch.setattr(store, "_to_row", lambda sample, write=store._to_row: write(sample) | {"failure": "raised"})
+    build_dataset("box", tmp_path, 2)
+    assert [sample.failure for sample in Store(tmp_path).samples()] == ["raised", "raised"]
+    assert Store(tmp_path).summary()["failed"] == {"raised": 2}
+
+
+def test_a_generator_that_cannot_start_ends_the_build(tmp_path):
+    ref = write_generator(tmp_path, "pass")
+    with Path(ref).open("a") as file:
+        file.write("def prepare():\n    raise ImportError('no Blender here')\n")
+    with pytest.raises(BuildError, match="no Blender here"):
+        build_dataset(ref, tmp_path / "data", 2)
+    assert Store(tmp_path / "data").shards == []
+
+
 def test_the_summary_counts_what_is_there(tmp_path):
     build_dataset("box", tmp_path, 40, seed=5)
     summary = Store(tmp_path).summary()
     assert summary["bytes"] == sum(path.stat().st_size for path in tmp_path.glob("*.parquet"))
     del summary["bytes"]
     splits = {"train": 36, "validation": 2, "test": 2}
-    assert summary == {"generator": "box", "seed": 5, "samples": 40, "failed": {}, "splits": splits}
+    assert summary == {"generator": "box", "seed": 5, "samples": 40, "failed": {}, "first_failed": {}, "splits": splits}
 
 
 # Folders that are no data set, or another's

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dipcg.space import params_from_json
 from dipcg.worker import BuildError, BuildPool
 
 GENERATOR = '''
@@ -27,6 +28,7 @@ def build(params):
     triangle = np.array([[0, 0, 0], [1, 0, 0], [0, params["size"], os.getpid()]], float), [[0, 1, 2]]
     mode = params["mode"]
     if mode == "raise": raise RuntimeError("no such leg")
+    if mode == "novel": raise RuntimeError("a long\\nstory. " * 1000)
     if mode == "nan": return triangle[0] * np.nan, triangle[1]
     if mode == "empty": return np.zeros((0, 3)), np.zeros((0, 3))
     if mode == "index": return triangle[0], [[0, 1, 7]]
@@ -46,7 +48,7 @@ def build(params):
     return triangle
 '''
 MODES = ("good", "raise", "nan", "empty", "index", "nothing", "hang", "exit", "quit", "kill", "crash", "close", "slow")
-MODES += ("noise",)
+MODES += ("noise", "novel")
 
 
 def write_generator(folder: Path, recycle_after: int = 1000, extra: str = "") -> str:
@@ -57,6 +59,13 @@ def write_generator(folder: Path, recycle_after: int = 1000, extra: str = "") ->
 
 def params(mode: str = "good", size: float = 1.5) -> dict:
     return {"size": size, "mode": mode}
+
+
+def reproduced(error: BuildError) -> tuple[str, dict]:
+    """Generator and parameters from what a failure says `dipcg edit` can read."""
+    said = str(error)
+    assert "`dipcg edit`" in said
+    return params_from_json(said[said.index("{") :])
 
 
 def pid_of(mesh) -> int:
@@ -89,9 +98,9 @@ def pool(tmp_path_factory):
     ("mode", "reason", "sentence"),
     [
         ("raise", "raised", "RuntimeError: no such leg"),
-        ("nan", "raised", "3 of its 3 vertices are not finite"),
-        ("empty", "raised", "it has 0 vertices and 0 faces"),
-        ("index", "raised", "a face names vertex 7 of 3"),
+        ("nan", "unusable", "3 of its 3 vertices are not finite"),
+        ("empty", "unusable", "it has 0 vertices and 0 faces"),
+        ("index", "unusable", "a face names vertex 7 of 3"),
         ("nothing", "raised", "TypeError"),
         ("hang", "timeout", "took longer than 1 s"),
         ("exit", "crashed", "exit code 3"),
@@ -106,15 +115,23 @@ def test_a_failure_costs_one_sample_and_says_which(pool, mode, reason, sentence)
         pool.build(params(mode))
     assert error.value.reason == reason
     assert sentence in str(error.value)
-    assert str(params(mode)) in str(error.value)
+    assert reproduced(error.value) == (pool.generator.ref, params(mode))
     assert pool.build(params()).vertices[2, 1] == 1.5, "the next build works"
 
 
-def test_a_raised_error_keeps_the_warm_process(pool):
+@pytest.mark.parametrize("mode", ["raise", "nan"])
+def test_a_raised_error_and_a_bad_mesh_keep_the_warm_process(pool, mode):
     before = pid_of(pool.build(params()))
     with pytest.raises(BuildError):
-        pool.build(params("raise"))
+        pool.build(params(mode))
     assert pid_of(pool.build(params())) == before
+
+
+def test_a_long_story_becomes_one_bearable_line(pool):
+    with pytest.raises(BuildError, match=r"RuntimeError: a long story\. a long story\.") as error:
+        pool.build(params("novel"))
+    assert "\n" not in str(error.value)
+    assert len(str(error.value)) < 1000
 
 
 def test_a_stopped_process_is_gone(pool):

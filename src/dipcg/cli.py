@@ -11,22 +11,11 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 import tyro
-from tyro.conf import FlagCreatePairsOff, Positional
+from tyro.conf import FlagCreatePairsOff
 
 from dipcg.cli_assets import edit, estimate, sample
+from dipcg.cli_generators import generators, generators_add
 from dipcg.cli_learning import dataset_build, dataset_gallery, dataset_info, evaluate, train
-
-
-def generators(name: Positional[str] = "", /, *, json: bool = False) -> None:
-    """List the generators, or the parameters of one.
-
-    Args:
-        name: of a generator, or a path to a Python file
-        json: print JSON
-    """
-    from dipcg import listing
-
-    print(listing.parameters(name, json) if name else listing.generators(json))
 
 
 def doctor(*, json: bool = False) -> None:
@@ -46,6 +35,7 @@ def doctor(*, json: bool = False) -> None:
 ABOUT = "From a picture to the parameters of a procedural generator, and so to an exact, light, editable asset."
 COMMANDS = {
     "generators": generators,
+    "generators add": generators_add,
     "sample": sample,
     "estimate": estimate,
     "edit": edit,

@@ -34,7 +34,7 @@ def sample(
     """Build a random asset, or one with given parameters.
 
     Args:
-        name: of a generator, or a path to a Python file
+        name: of a generator, or a path to a Python or TOML file
         output: mesh to write: .glb, .gltf, .obj, .ply or .stl
         seed: of the random parameters
         set: parameters to hold, as name=value
@@ -107,9 +107,9 @@ def estimate(
 
     Args:
         images: photographs, drawings or masks
-        generator: what they show, or a folder with a checkpoint
+        generator: what they show, or a folder with a checkpoint, or a generator's file whose checkpoint is in runs/
         output: mesh to write: .glb, .gltf, .obj, .ply or .stl
-        candidates: how many samples to draw
+        candidates: how many to return: the expected one, then samples
         steps: of the sampler
         seed: of the samples
         keep: parameters to hold, as name=value; the rest is estimated around them
@@ -174,7 +174,7 @@ def _build_and_write(
     if params_out is not None:
         check_target(params_out, (".json",))
     with BuildPool(generator.ref) as pool:
-        asset = Asset(pool.build(params, "light" if light else "full"), generator.name, params)
+        asset = Asset(pool.build(params, "light" if light else "full"), generator.ref, params)
     asset.export(output)
     if params_out is not None:
         asset.save_params(params_out)

@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from dipcg.cli_assets import Output
 from dipcg.config import ModelConfig, TrainConfig
+from dipcg.weights import RUNS
 
 
 def dataset_build(
@@ -26,7 +27,7 @@ def dataset_build(
     """Sample a generator and store parameters and light meshes.
 
     Args:
-        generator: name, or a path to a Python file
+        generator: name, or a path to a Python or TOML file
         output: folder for the shards
         count: number of shapes
         seed: of the shapes
@@ -43,7 +44,8 @@ def dataset_build(
         failed = build_dataset(
             generator, output, count, seed, workers, timeout_s, lambda p: update(p.done, f"{p.failed} failed")
         )
-    print(f"{count - failed} shapes in {output}, {failed} failed.")
+    why = f" `dipcg dataset info {output}` says why." if failed else ""
+    print(f"{count - failed} shapes in {output}, {failed} failed.{why}")
 
 
 def dataset_info(folder: Positional[Path], /, *, json: bool = False) -> None:
@@ -86,24 +88,25 @@ def train(
     /,
     *,
     data: Path,
-    output: Output = Path("runs"),
+    output: Output = RUNS,
     train: Annotated[TrainConfig, arg(name="")] = TrainConfig(),  # noqa: B008 - frozen
     model: Annotated[ModelConfig, arg(name="")] = ModelConfig(),  # noqa: B008 - frozen
 ) -> None:
     """Train an estimator on a data set; a killed run goes on where it was.
 
     Args:
-        generator: name, or a path to a Python file; its checkpoint goes to a folder of this name in the output
+        generator: name, or a path to a Python or TOML file; its checkpoint goes to a folder of this name in the output
         data: folder from `dipcg dataset build`
         output: folder for checkpoints
     """
+    from dipcg.generators import load_generator
     from dipcg.store import Store
     from dipcg.terminal import bar
     from dipcg.tracking import Log
     from dipcg.train import train as run
 
     info = Store(data).info
-    if generator not in (info["generator"], info["ref"]):
+    if generator != info["generator"] and load_generator(generator).ref != info["ref"]:
         raise ValueError(f"{data} holds shapes of {info['generator']!r}, not of {generator!r}.")
     folder = output / info["generator"]
     with bar("training", 1000) as update, Log(folder) as log:
@@ -137,7 +140,7 @@ def evaluate(
         pairs: folder with NAME.png and NAME.npz (array `points`), compared at the best of four quarter turns
         prefix: only pairs whose names start so; the generator's name when left out
         count: at most so many shapes
-        candidates: how many samples an estimate draws
+        candidates: how many of each picture, the expected one among them
         steps: of the sampler
         metric: names of metrics; all when left out
         json: file for the table as JSON

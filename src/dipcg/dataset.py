@@ -93,7 +93,7 @@ class Pictures(IterableDataset):
     def _augment(self, picture: tuple[int, View, np.ndarray], rng: np.random.Generator) -> tuple:
         number, view, image = picture
         x = self.shapes.x[number]
-        if rng.random() < self.config.flip:
+        if rng.random() < self.config.flip and self.generator.mirrors is not None:
             image, view, x = flip(self.generator, image, view, x)
         pixels = augment(np.ascontiguousarray(image), self.config, rng)
         return pixels.transpose(2, 0, 1), np.concatenate([x, encode_view(view)]), self.shapes.active[number]

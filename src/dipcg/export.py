@@ -22,7 +22,7 @@ class ExportError(ValueError):
 
 @dataclass(frozen=True)
 class Asset:
-    """A mesh with the parameters that made it."""
+    """A mesh with the parameters that made it, and the name or path of their generator."""
 
     mesh: Mesh
     generator: str

@@ -8,6 +8,10 @@ import numpy as np
 from jaxtyping import Float32, Int32, UInt8
 
 
+class MeshError(ValueError):
+    """A built mesh that cannot be used, with a sentence that says what is wrong with it."""
+
+
 @dataclass(frozen=True)
 class Mesh:
     """Vertices `v 3` in metres, faces `f 3`, and for each face an index into `part_names`."""
@@ -36,14 +40,14 @@ class Mesh:
 def make_mesh(vertices: object, faces: object, parts: object = None, part_names: tuple[str, ...] = ("body",)) -> Mesh:
     """Build a checked mesh from array-likes.
 
-    Raises ValueError with a sentence when it is empty, not finite, or an index is out of range.
+    Raises MeshError with a sentence when it is empty, not finite, or an index is out of range.
     """
     v = _in_threes(np.ascontiguousarray(vertices, np.float32), "vertices")
     f = _in_threes(np.ascontiguousarray(faces, np.int32), "faces")
     p = np.zeros(len(f), np.uint8) if parts is None else np.ascontiguousarray(parts, np.uint8)
     problem = _problem(v, f, p, part_names)
     if problem:
-        raise ValueError(f"The generator built no usable mesh: {problem}.")
+        raise MeshError(f"The generator built no usable mesh: {problem}.")
     return Mesh(v, f, p, tuple(part_names))
 
 
@@ -108,6 +112,14 @@ def compact(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices[used], faces, mesh.parts[order], mesh.part_names)
 
 
+def sort_faces(mesh: Mesh) -> Mesh:
+    """The same mesh with its faces in an order of our own: Blender's may depend on memory addresses."""
+    first = mesh.faces.argmin(1)[:, None]
+    turned = np.take_along_axis(mesh.faces, (first + np.arange(3)) % 3, 1)
+    order = np.lexsort((mesh.parts, *turned.T[::-1]))
+    return replace(mesh, faces=turned[order], parts=mesh.parts[order])
+
+
 def _simplify_part(mesh: Mesh, part: int, share: float, error: float) -> Int32[np.ndarray, "k 3"]:
     import meshoptimizer
 
@@ -130,7 +142,7 @@ def _simplify_part(mesh: Mesh, part: int, share: float, error: float) -> Int32[n
 def _in_threes(values: np.ndarray, what: str) -> np.ndarray:
     if values.ndim > 1 and values.shape[1:] != (3,):  # quads, say: read in threes they would be nonsense
         problem = f"its {what} have the shape {values.shape}, not ({what[0]}, 3)"
-        raise ValueError(f"The generator built no usable mesh: {problem}.")
+        raise MeshError(f"The generator built no usable mesh: {problem}.")
     return values.reshape(-1, 3)
 
 

@@ -38,6 +38,9 @@ class Sample:
     mesh: Mesh | None
     build_s: float
     failure: str | None
+    """a worker.BuildError's reason"""
+    sentence: str = ""
+    """what it said, with the parameters"""
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,8 @@ def build_dataset(
 ) -> int:
     """Sample `count` parameter sets, build and store them; shards already there are kept. Returns the failures.
 
-    Raises ValueError when the folder holds other data, or `count` is not positive.
+    Raises ValueError when the folder holds other data, or `count` is not positive, and BuildError when no worker can
+    start: that is the fault of no sample.
     """
     generator, folder = load_generator(ref), Path(folder)
     generator.check_installed()
@@ -104,14 +108,16 @@ class Store:
         return pa.concat_tables([_read_shard(path, columns) for path in self.shards])
 
     def summary(self) -> dict[str, Any]:
-        """Counts, failures by reason and sizes."""
-        table = self.table(["number", "failure", "build_s"])
-        reasons = [reason for reason in table["failure"].to_pylist() if reason]
+        """Counts, failures by reason with the first of each, and sizes."""
+        table = self.table(["number", "failure"])
+        failures = [_parse_failure(told) for told in table["failure"].to_pylist() if told]
+        reasons = [reason for reason, _ in failures]
         return {
             "generator": self.info["generator"],
             "seed": self.info["seed"],
             "samples": table.num_rows,
             "failed": {reason: reasons.count(reason) for reason in sorted(set(reasons))},
+            "first_failed": dict(reversed(failures)),
             "splits": {s: sum(in_split(n, s) for n in table["number"].to_pylist()) for s in SPLITS},
             "bytes": sum(path.stat().st_size for path in self.shards),
         }
@@ -139,11 +145,18 @@ def _build_shard(pool: BuildPool, generator: Generator, seed: int, numbers: rang
     started = [time.perf_counter()]
     samples = []
     for number, params, built in zip(numbers, many, pool.map(many, "light"), strict=True):
-        failure = built.reason if isinstance(built, BuildError) else None
         started.append(time.perf_counter())
         seconds = started[-1] - started[-2]
-        samples.append(Sample(number, params, None if isinstance(built, BuildError) else built, seconds, failure))
+        samples.append(_sample(number, params, built, seconds))
     return samples
+
+
+def _sample(number: int, params: Params, built: Mesh | BuildError, seconds: float) -> Sample:
+    if not isinstance(built, BuildError):
+        return Sample(number, params, built, seconds, None)
+    if built.reason == "start":
+        raise built
+    return Sample(number, params, None, seconds, built.reason, str(built))
 
 
 def _write(path: Path, samples: list[Sample], generator: Generator) -> None:
@@ -167,14 +180,22 @@ def _arrow_type(parameter: Any) -> pa.DataType:
 
 def _to_row(sample: Sample) -> dict[str, Any]:
     mesh = encode_mesh(sample.mesh) if sample.mesh else None
-    about = {"number": sample.number, "mesh": mesh, "build_s": sample.build_s, "failure": sample.failure}
+    failure = f"{sample.failure}: {sample.sentence}" if sample.failure else None
+    about = {"number": sample.number, "mesh": mesh, "build_s": sample.build_s, "failure": failure}
     return {PREFIX + name: value for name, value in sample.params.items()} | about
 
 
 def _from_row(row: dict[str, Any], space: ParameterSpace) -> Sample:
     params = {name: row[PREFIX + name] for name in space.names}
     mesh = decode_mesh(row["mesh"]) if row["mesh"] else None
-    return Sample(row["number"], params, mesh, row["build_s"], row["failure"])
+    reason, sentence = _parse_failure(row["failure"] or "")
+    return Sample(row["number"], params, mesh, row["build_s"], reason or None, sentence)
+
+
+def _parse_failure(told: str) -> tuple[str, str]:
+    """The reason of a failure and its sentence, which older data sets do not have."""
+    reason, _, sentence = told.partition(": ")
+    return reason, sentence
 
 
 def _read_shard(path: Path, columns: list[str] | None = None) -> pa.Table:

@@ -7,6 +7,7 @@ from pathlib import Path
 from dipcg import registry
 
 WEIGHTS, CARD = "model.safetensors", "card.json"
+RUNS = Path("runs")  # where `dipcg train` puts checkpoints when it is told no other folder
 SHIPPED = Path(__file__).parent / "checkpoints"
 
 
@@ -22,12 +23,15 @@ def shipped() -> list[str]:
 def find_checkpoint(name: str) -> Path:
     """The folder of a checkpoint: the path itself, or the one that ships for the generator of this name.
 
+    For the path of a generator it is the one that `dipcg train` made of it in this folder.
+
     Raises LookupError for the name of no generator, CheckpointError when it has no checkpoint.
     """
-    for folder in (Path(name), SHIPPED / name):
+    own_file = registry.is_path(name)
+    for folder in (RUNS / Path(name).stem,) if own_file else (Path(name), SHIPPED / name):
         if (folder / CARD).is_file():
             return folder
-    if "/" not in name:
+    if "/" not in name and not own_file:
         registry.check("generators", name)
     trained = ", ".join(shipped()) or "none"
     raise CheckpointError(

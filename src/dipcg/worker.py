@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import json
 import os
 import signal
 import subprocess
@@ -20,16 +21,17 @@ from multiprocessing.connection import Connection, Pipe
 from typing import Any
 
 from dipcg.generators import Detail, load_generator
-from dipcg.mesh import Mesh
+from dipcg.mesh import Mesh, MeshError
 from dipcg.space import Params
 
 START_TIMEOUT_S = 120.0
 AHEAD = 4  # builds per worker that `map` keeps waiting or done, so that no worker idles
+MOST_LETTERS = 500  # of what a generator says when it fails
 PR_SET_PDEATHSIG = 1  # from linux/prctl.h
 
 
 class BuildError(RuntimeError):
-    """One sample could not be built; `reason` is one of raised, timeout, crashed, start."""
+    """One sample could not be built; `reason` is one of raised, unusable (the mesh), timeout, crashed, start."""
 
     def __init__(self, reason: str, message: str) -> None:
         super().__init__(message)
@@ -53,7 +55,7 @@ class BuildPool:
         self._workers = workers
 
     def build(self, params: Params, detail: Detail = "full") -> Mesh:
-        """Build one mesh; raises BuildError with a sentence that names the parameters."""
+        """Build one mesh; raises BuildError with a sentence and the parameters as `dipcg edit` reads them."""
         return self.submit(params, detail).result()
 
     def submit(self, params: Params, detail: Detail = "full") -> Future[Mesh]:
@@ -98,9 +100,10 @@ class BuildPool:
         try:
             mesh = child.ask(params, detail, self.timeout_s)
         except BuildError as error:
-            if error.reason != "raised":
+            if error.reason not in ("raised", "unusable"):
                 self._discard(child)
-            raise BuildError(error.reason, f"{error} Parameters: {params}") from None
+            asked = json.dumps({"generator": self.generator.ref, "params": params}, default=str)
+            raise BuildError(error.reason, f"{error} `dipcg edit` builds it again from a file with: {asked}") from None
         if child.builds >= self.generator.recycle_after:
             self._discard(child)
         return mesh
@@ -159,9 +162,9 @@ class _Child:
             kind, value = self._pipe.recv()
         except (EOFError, OSError):
             raise BuildError("crashed", f"The worker process died (exit code {self._exit_code()}).") from None
-        if kind == "error":
-            raise BuildError("start" if late == "start" else "raised", value)
-        return value
+        if kind in ("ready", "mesh"):
+            return value
+        raise BuildError("start" if late == "start" else kind, value)
 
     def _exit_code(self) -> int:
         try:
@@ -193,15 +196,22 @@ def _serve(pipe: Connection, ref: str) -> None:
         generator = load_generator(ref)
         generator.prepare()
     except Exception as error:
-        return pipe.send(("error", f"The generator could not be loaded, {type(error).__name__}: {error}."))
+        return pipe.send(("start", f"The generator could not be loaded, {_told(error)}."))
     pipe.send(("ready", None))
     while True:
         params, detail = pipe.recv()
         try:
             answer = ("mesh", generator.build(params, detail))
+        except MeshError as error:
+            answer = ("unusable", str(error))
         except Exception as error:
-            answer = ("error", f"The generator raised {type(error).__name__}: {error}.")
+            answer = ("raised", f"The generator raised {_told(error)}.")
         pipe.send(answer)
+
+
+def _told(error: Exception) -> str:
+    """The kind and the words of an error in one line of bearable length."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:MOST_LETTERS]}".rstrip(".: ")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
-"""What every generator promises, checked for whatever the registry finds."""
+"""What every generator promises, checked for whatever the registry finds and for the examples of others' own."""
 
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,11 +16,13 @@ from dipcg.metrics import chamfer, surface_points
 from dipcg.space import Choice, ParameterSpace, Params, Real
 from dipcg.worker import BuildPool
 
-NAMES = registry.names("generators")
+EXAMPLES = Path(__file__).parents[2] / "examples"
+NAMES = [*registry.names("generators"), *(str(EXAMPLES / name) for name in ("lamp.toml", "seashell.py"))]
+IDS = [Path(name).name for name in NAMES]
 SAMPLES = 6
 ROUNDS = 8  # of probing a parameter from other starting points before it counts as without effect
 
-declared = pytest.mark.parametrize("generator", [load_generator(name) for name in NAMES], ids=NAMES)
+declared = pytest.mark.parametrize("generator", [load_generator(name) for name in NAMES], ids=IDS)
 
 
 def _built(name: str) -> pytest.param:
@@ -27,7 +30,7 @@ def _built(name: str) -> pytest.param:
     marks = [pytest.mark.blender] if "bpy" in generator.needs else []
     if generator.missing:
         marks.append(pytest.mark.skip(reason=f"{' and '.join(generator.missing)} not installed"))
-    return pytest.param(name, marks=marks)
+    return pytest.param(name, marks=marks, id=Path(name).name)
 
 
 @pytest.fixture(scope="module", params=[_built(name) for name in NAMES])
@@ -71,7 +74,7 @@ def points_of(*meshes: Mesh) -> list[np.ndarray]:
 # The declaration: no Blender needed
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", NAMES, ids=IDS)
 def test_imports_without_blender(name):
     block = "import sys; sys.modules.update(bpy=None, infinigen=None, torch=None)"
     load = f"from dipcg.generators import load_generator; load_generator({name!r})"

@@ -4,7 +4,8 @@ Optional in the file:
 `build_light(params)`, a fast, coarse mesh of the same surface;
 `prepare()`, the slow imports that a worker does once, before it is timed;
 `views`, the range of cameras it is trained with;
-`mirrors`, for each parameter that a flipped picture changes, the one it becomes ("-name" where the sign of `x` turns);
+`mirrors`, for each parameter that a flipped picture changes, the one it becomes ("-name" where the sign of `x` turns),
+or None where a flipped picture shows no asset of this generator;
 `needs`, the packages to install;
 `recycle_after`, the number of builds after which a worker process is replaced.
 """
@@ -21,6 +22,7 @@ import numpy as np
 
 from dipcg import registry
 from dipcg.camera import ViewRange
+from dipcg.generators._declared import read_declaration
 from dipcg.mesh import Mesh, make_mesh, simplify
 from dipcg.space import ParameterSpace, Params
 
@@ -40,7 +42,7 @@ class Generator:
     build_light: Callable[[Params], Any] | None = None
     prepare: Callable[[], None] = lambda: None
     views: ViewRange = field(default_factory=ViewRange)
-    mirrors: Mapping[str, str] = field(default_factory=dict)
+    mirrors: Mapping[str, str] | None = field(default_factory=dict)
     needs: tuple[str, ...] = ()
     recycle_after: int = 10_000
 
@@ -60,7 +62,7 @@ class Generator:
     def mirror(self, x: np.ndarray) -> np.ndarray:
         """The parameters, as `x`, of the asset mirrored left to right."""
         mirrored, index = x.copy(), {name: i for i, name in enumerate(self.space.names)}
-        for name, other in self.mirrors.items():
+        for name, other in (self.mirrors or {}).items():
             mirrored[index[name]] = x[index[other.lstrip("-")]] * (-1 if other.startswith("-") else 1)
         return mirrored
 
@@ -75,17 +77,21 @@ class Generator:
 
 
 def load_generator(ref: str) -> Generator:
-    """Load a generator by name, or by path to a Python file.
+    """Load a generator by name, or by path to a Python file or to a TOML file of `dipcg generators add`.
 
     Raises LookupError for an unknown one and ValueError for a file that does not declare what it must.
     """
-    module = registry.load("generators", ref)
-    for attribute in ("space", "build"):
-        if not hasattr(module, attribute):
-            raise ValueError(f"The generator {ref!r} must define `{attribute}`; see docs/extending.md.")
+    is_path = registry.is_path(ref)
+    ref = str(Path(ref)) if is_path else ref  # one spelling of ./lamp.toml
+    module = read_declaration(Path(ref)) if ref.endswith(".toml") else registry.load("generators", ref)
+    if not isinstance(getattr(module, "space", None), ParameterSpace) or not callable(getattr(module, "build", None)):
+        raise ValueError(
+            f"The generator {ref!r} must define `space`, a ParameterSpace, and a function `build`; "
+            "see docs/extending.md."
+        )
     optional = {key: getattr(module, key) for key in _OPTIONAL if hasattr(module, key)}
     doc = (module.__doc__ or "").strip()
-    return Generator(_name(ref), ref, doc, module.space, module.build, **optional)
+    return Generator(Path(ref).stem if is_path else ref, ref, doc, module.space, module.build, **optional)
 
 
 def as_mesh(built: Any) -> Mesh:
@@ -99,7 +105,3 @@ def as_mesh(built: Any) -> Mesh:
 
 
 _OPTIONAL = ("build_light", "prepare", "views", "mirrors", "needs", "recycle_after")
-
-
-def _name(ref: str) -> str:
-    return Path(ref).stem if ref.endswith(".py") else ref

@@ -1,0 +1,146 @@
+"""Small Blender files for tests/test_adopt.py; run as `python tests/make_blends.py FOLDER`, in a process of its own."""
+
+import os
+import sys
+from pathlib import Path
+
+import bpy
+
+KINDS = [  # name, type, lowest, highest, default, subtype
+    ("Size", "Float", 1.0, 2.0, 1.5, "DISTANCE"),
+    ("Höhe!", "Float", 1.0, 3.0, 2.0, "NONE"),
+    ("size", "Float", None, None, 0.5, "NONE"),
+    ("2nd Turn", "Float", -1.5707964, 1.5707964, 0.0, "ANGLE"),
+    ("Fixed", "Float", 0.5, 0.5, 0.5, "NONE"),
+    ("Hidden", "Float", 0.0, 1.0, 0.25, "NONE"),
+    ("Few", "Int", 2, 5, 3, "NONE"),
+    ("Many", "Int", 1, 100, 50, "NONE"),
+    ("Shown", "Bool", None, None, True, ""),
+    ("Shift", "Vector", -1.0, 1.0, (0.1, 0.2, 0.3), "TRANSLATION"),
+    ("Turn", "Rotation", None, None, None, ""),
+    ("Note", "String", None, None, None, ""),
+    ("Other", "Object", None, None, None, ""),
+]
+
+
+def tree_of(inputs: list[tuple]) -> bpy.types.NodeTree:
+    tree = bpy.data.node_groups.new("tree", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    for name, kind, low, high, default, subtype in inputs:
+        item = tree.interface.new_socket(name, in_out="INPUT", socket_type=f"NodeSocket{kind}")
+        if subtype:
+            item.subtype = subtype
+        if low is not None:
+            item.min_value, item.max_value = low, high
+        if default is not None:
+            item.default_value = default
+        item.hide_in_modifier = name == "Hidden"
+    return tree
+
+
+def box(tree: bpy.types.NodeTree, links: dict[str, str]) -> bpy.types.NodeTree:
+    """A cube, moved and turned; `links` has inputs of the modifier by inputs of its nodes."""
+    nodes = {kind: tree.nodes.new(f"GeometryNode{kind}") for kind in ("MeshCube", "Transform")}
+    given, result = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    tree.links.new(nodes["MeshCube"].outputs[0], nodes["Transform"].inputs[0])
+    tree.links.new(nodes["Transform"].outputs[0], result.inputs[0])
+    for target, name in links.items():
+        kind, socket = target.split(".")
+        tree.links.new(given.outputs[name], nodes[kind].inputs[socket])
+    return tree
+
+
+def add(name: str, tree: bpy.types.NodeTree) -> bpy.types.Object:
+    obj = bpy.data.objects.new(name, bpy.data.meshes.new(name))
+    bpy.context.scene.collection.objects.link(obj)
+    obj.modifiers.new("nodes", "NODES").node_group = tree
+    return obj
+
+
+def simple() -> bpy.types.NodeTree:
+    return box(tree_of(KINDS[:1]), {"Transform.Scale": "Size"})
+
+
+def kinds() -> None:
+    links = {"Transform.Translation": "Shift", "Transform.Rotation": "Turn", "Transform.Scale": "Size"}
+    add("Box", box(tree_of(KINDS), links | {"MeshCube.Vertices X": "Few", "MeshCube.Vertices Y": "Many"}))
+
+
+def two() -> None:
+    add("First", simple())
+    add("Second", simple())
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Empty", None))
+
+
+def plain() -> None:
+    bpy.ops.mesh.primitive_cube_add()
+
+
+def unseen() -> None:
+    """Hidden, in a collection left out, on a modifier switched off, mirrored: still what the file describes."""
+    obj = add("Box", simple())
+    obj.hide_viewport, obj.scale, obj.location = True, (-1, 2, 1), (0, 0, 5)
+    obj.modifiers[0].show_viewport = False
+    bpy.context.scene.collection.objects.unlink(obj)
+    left_out = bpy.data.collections.new("left out")
+    bpy.context.scene.collection.children.link(left_out)
+    left_out.objects.link(obj)
+    bpy.context.view_layer.layer_collection.children[0].exclude = True
+
+
+def instances() -> None:
+    tree = tree_of(KINDS[:1])
+    kinds = ("MeshLine", "InstanceOnPoints", "MeshCube", "SetMaterial")
+    line, points, cube, paint = (tree.nodes.new(f"GeometryNode{kind}") for kind in kinds)
+    result = tree.nodes.new("NodeGroupOutput")
+    line.inputs["Count"].default_value = 3
+    line.inputs["Offset"].default_value = (2, 0, 0)
+    paint.inputs["Material"].default_value = bpy.data.materials.new("red")
+    tree.links.new(line.outputs[0], points.inputs["Points"])
+    tree.links.new(cube.outputs[0], paint.inputs[0])
+    tree.links.new(paint.outputs[0], points.inputs["Instance"])
+    tree.links.new(tree.nodes.new("NodeGroupInput").outputs["Size"], points.inputs["Scale"])
+    join = tree.nodes.new("GeometryNodeJoinGeometry")
+    tree.links.new(points.outputs[0], join.inputs[0])
+    tree.links.new(cube.outputs[0], join.inputs[0])
+    tree.links.new(join.outputs[0], result.inputs[0])
+    add("Row", tree)
+
+
+def curve() -> None:
+    tree = tree_of(KINDS[:1])
+    circle, result = tree.nodes.new("GeometryNodeCurvePrimitiveCircle"), tree.nodes.new("NodeGroupOutput")
+    tree.links.new(circle.outputs[0], result.inputs[0])
+    add("Ring", tree)
+
+
+def no_inputs() -> None:
+    add("Box", box(tree_of(KINDS[-2:]), {}))
+
+
+def linked() -> None:
+    with bpy.data.libraries.load(str(FOLDER / "kinds.blend"), link=True) as (theirs, ours):
+        ours.node_groups = theirs.node_groups
+    add("Box", ours.node_groups[0])
+
+
+def trap() -> None:
+    """A text that runs when Auto Run is on, and a driver that calls what it must not."""
+    obj = add("Box", simple())
+    text = bpy.data.texts.new("trap.py")
+    ran = {what: f"open({str(FOLDER / what)!r}, 'w').close()" for what in ("text-ran", "driver-ran")}
+    text.write(f"import bpy\n{ran['text-ran']}\n")
+    text.write(f"bpy.app.driver_namespace['spring'] = lambda: {ran['driver-ran']} or 1.0\n")
+    text.use_module = True
+    driver = obj.driver_add("location", 0).driver
+    driver.type, driver.expression = "SCRIPTED", "spring()"
+
+
+if __name__ == "__main__":
+    FOLDER = Path(sys.argv[1]).resolve()
+    bpy.context.preferences.filepaths.save_version = 0
+    for make in (kinds, two, plain, unseen, instances, curve, no_inputs, linked, trap):
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        make()
+        bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / f"{make.__name__}.blend"), compress=True)
+    os._exit(0)  # Blender sometimes crashes when it shuts down
