@@ -7,7 +7,8 @@ Optional in the file:
 `mirrors`, for each parameter that a flipped picture changes, the one it becomes ("-name" where the sign of `x` turns),
 or None where a flipped picture shows no asset of this generator;
 `needs`, the packages to install;
-`recycle_after`, the number of builds after which a worker process is replaced.
+`recycle_after`, the number of builds after which a worker process is replaced;
+`light_faces`, the number of triangles that light meshes are simplified to, where the usual one would lose too much.
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ class Generator:
     mirrors: Mapping[str, str] | None = field(default_factory=dict)
     needs: tuple[str, ...] = ()
     recycle_after: int = 10_000
+    light_faces: int = LIGHT_FACES
 
     @property
     def missing(self) -> list[str]:
@@ -73,7 +75,7 @@ class Generator:
         """
         if detail == "full":
             return as_mesh(self.build_full(params))
-        return simplify(as_mesh((self.build_light or self.build_full)(params)), LIGHT_FACES)
+        return simplify(as_mesh((self.build_light or self.build_full)(params)), self.light_faces)
 
 
 def load_generator(ref: str) -> Generator:
@@ -104,4 +106,4 @@ def as_mesh(built: Any) -> Mesh:
     return make_mesh(vertices, faces)
 
 
-_OPTIONAL = ("build_light", "prepare", "views", "mirrors", "needs", "recycle_after")
+_OPTIONAL = ("build_light", "prepare", "views", "mirrors", "needs", "recycle_after", "light_faces")

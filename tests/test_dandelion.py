@@ -1,0 +1,145 @@
+"""The dandelion beside Infinigen's own, and what its parameters promise."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dipcg.generators import load_generator
+from dipcg.mesh import Mesh
+from dipcg.metrics import sample_surface
+from dipcg.metrics.chamfer import nearest
+from dipcg.worker import BuildPool
+
+MODES = ("full_flower", "no_flower", "sparse_flower")
+FILAMENTS = 40  # of a seed
+DANDELION = load_generator("dandelion")
+pytestmark = [pytest.mark.blender, pytest.mark.skipif(bool(DANDELION.missing), reason="Infinigen is not installed")]
+
+# Nothing in a factory's asset says what was drawn for it, so draws are noted here, and those that are no parameter are
+# at their middle. The bounds of missing seeds cannot be compared: in the factory they do nothing.
+DIRECT = """
+import json, os, sys
+import numpy as np
+from dipcg.generators._infinigen import clean_blender, import_infinigen, middle, read_piece, replaced, silence
+from dipcg.mesh import make_mesh
+from dipcg.metrics import sample_surface
+
+module = import_infinigen("infinigen.assets.objects.grassland.dandelion")
+rng, found, drawn = np.random.default_rng(0), {}, []
+names = {(0.2, 0.4): "stem_map_range", (0.01, 0.024): "stem_radius", (-0.15, -0.5): "transform_scale"}
+names[0.3, 0.5] = "random_dropout"
+counts = {25: ("flower_num_core_segments", (8, 15)), 20: ("flower_num_core_rings", (8,))}
+
+def note(name, value):
+    drawn.append((name, value))
+    return value
+
+def uniform(low, high):
+    return note(names[low, high], rng.uniform(*sorted((low, high)))) if (low, high) in names else middle(low, high)
+
+def normal(mean, deviation):
+    return note("bezier", rng.normal(mean, deviation)) if deviation == 0.1 else mean
+
+def randint(low, high):
+    return note(counts[high][0], int(rng.choice(counts[high][1])))
+
+draws = replaced(module, uniform=uniform, normal=normal, randint=randint)
+curves = replaced(module.np.random, normal=lambda mean, deviation: mean)
+with draws, curves, silence():
+    for mode in sys.argv[2:]:
+        clean_blender()
+        factory = module.DandelionFactory(0)
+        factory.flower_mode_pb = [float(other == mode) for other in factory.flower_mode]
+        _, vertices, faces = read_piece("dandelion", factory.create_asset())
+        points = sample_surface(make_mesh(vertices, faces), 200_000, rng)
+        found |= {f"{mode}.points": points, f"{mode}.drawn": json.dumps(drawn)}
+        drawn.clear()
+np.savez(sys.argv[1], **found)
+os._exit(0)
+"""
+
+
+@pytest.fixture(scope="module")
+def pool() -> Iterator[BuildPool]:
+    with BuildPool("dandelion") as pool:
+        pool.warm()
+        yield pool
+
+
+def test_it_is_the_dandelion_that_infinigen_makes(pool, tmp_path: Path):
+    subprocess.run([sys.executable, "-c", DIRECT, str(tmp_path / "own.npz"), *MODES], check=True)
+    own = np.load(tmp_path / "own.npz")
+    for mode in MODES:
+        mesh = pool.build(any_dandelion(flower_mode=mode, **read_back(json.loads(str(own[f"{mode}.drawn"])))))
+        theirs, ours = own[f"{mode}.points"], sample_surface(mesh, 200_000, np.random.default_rng(0))
+        assert nearest(theirs[:5000], ours).max() < 0.01 * mesh.side, mode
+        assert nearest(ours[:5000], theirs).max() < 0.01 * mesh.side, mode
+
+
+def read_back(drawn: list) -> dict:
+    """Our parameters from what the factory drew."""
+    places = ("bezier_middle_x", "bezier_middle_y", "bezier_end_x", "bezier_end_y")
+    bezier = [value for name, value in drawn if name == "bezier"]
+    return dict(zip(places, bezier, strict=True)) | {name: value for name, value in drawn if name != "bezier"}
+
+
+def test_without_seeds_there_is_no_part_of_that_name(pool):
+    assert pool.build(any_dandelion(flower_mode="no_flower")).part_names == ("stem", "core")
+
+
+def test_the_stem_goes_where_its_curve_ends(pool):
+    params = any_dandelion(flower_mode="no_flower", bezier_end_x=0.5, bezier_end_y=-0.4)
+    np.testing.assert_allclose(part(pool.build(params), "core").centre, [0.5, -0.4, 1.0], atol=0.005)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "left"),
+    [((0, 0, 0, 0), 1.0), ((1, 1, 0, 0), 0.0), ((1, 0.5, 0, 0), 0.5), ((0.5, 1, 0, 0), 0.5), ((1, 0, 0, 0.5), 0.5)],
+)
+def test_seeds_are_missing_between_their_bounds(pool, bounds: tuple, left: float):
+    """The bounds are of rows and columns: below and below, above and above."""
+    names = ("row_less_than", "col_less_than", "row_great_than", "col_great_than")
+    every = any_dandelion(flower_mode="sparse_flower", random_dropout=0.6, flower_num_core_segments=25)
+    missing = every | dict(zip(names, map(float, bounds), strict=True))
+    most = seeds(pool.build(every | dict.fromkeys(names, 0.0), "light"))
+    assert seeds(pool.build(missing, "light")) == pytest.approx(left * most, abs=0.12 * most)
+
+
+def test_a_light_head_keeps_every_filament(pool):
+    """Else it would look bald: each is one triangle, several centimetres long."""
+    light = part(pool.build(any_dandelion(), "light"), "seed")
+    a, b, c = np.moveaxis(light.vertices[light.faces], 1, 0)
+    longest = np.max([np.linalg.norm(x - y, axis=1) for x, y in ((a, b), (b, c), (c, a))], axis=0)
+    shortest = np.min([np.linalg.norm(x - y, axis=1) for x, y in ((a, b), (b, c), (c, a))], axis=0)
+    full = part(pool.build(any_dandelion()), "seed")
+    assert np.sum((longest > 0.02) & (shortest < 0.003)) >= FILAMENTS * len(full.faces) / 20_720
+
+
+@pytest.mark.parametrize("detail", ["full", "light"])
+@pytest.mark.parametrize("name", ["stem", "core"])
+def test_surfaces_look_outwards(pool, name: str, detail: str):
+    mesh = part(pool.build(any_dandelion(), detail), name)
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces] - mesh.centre, 1, 0)
+    assert np.sum(a * np.cross(b, c)) > 0
+
+
+def seeds(mesh: Mesh) -> int:
+    """The number of seeds of a light mesh."""
+    return len(part(mesh, "seed").faces) // 64 if "seed" in mesh.part_names else 0
+
+
+def part(mesh: Mesh, name: str) -> Mesh:
+    faces = mesh.faces[mesh.parts == mesh.part_names.index(name)]
+    used, inverse = np.unique(faces, return_inverse=True)
+    parts = np.zeros(len(faces), np.uint8)
+    return Mesh(mesh.vertices[used], inverse.reshape(-1, 3).astype(np.int32), parts, (name,))
+
+
+def any_dandelion(**changes: object) -> dict:
+    middle = DANDELION.space.decode(np.zeros(len(DANDELION.space)))
+    return DANDELION.space.replace(middle, {"flower_mode": "full_flower"} | changes)
