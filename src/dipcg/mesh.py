@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float32, Int32, UInt8
@@ -21,7 +22,7 @@ class Mesh:
     parts: UInt8[np.ndarray, " f"]
     part_names: tuple[str, ...] = ("body",)
 
-    @property
+    @cached_property
     def bounds(self) -> Float32[np.ndarray, "2 3"]:
         """Lowest and highest corner of the bounding box, in metres."""
         return np.stack([self.vertices.min(0), self.vertices.max(0)])
