@@ -3,7 +3,7 @@
 import importlib
 import sys
 
-NAMES = ("render", "builds", "sustained", "speed", "training", "accuracy")
+NAMES = ("render", "builds", "holes", "sustained", "speed", "training", "accuracy")
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or NAMES:

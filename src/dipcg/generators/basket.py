@@ -2,7 +2,7 @@
 
 A thin adapter: Infinigen makes its node graph once in each process, and a build sets values on the graph's nodes. The
 graph ends in a boolean: a box minus its inside, two sets of bars for the holes and one bar for the handles. Here the
-graph gives these solids alone and Manifold cuts them one after the other: the same surface, some sixty times faster.
+graph gives these solids alone and Manifold cuts them one after the other: the same surface, many times faster.
 
 Oddities:
 - Infinigen leaves the boolean's solver at Blender 4.2's default, which is not exact: rounded baskets come out with a
