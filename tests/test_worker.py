@@ -244,7 +244,13 @@ with BuildPool(sys.argv[1], workers=2, timeout_s=60.0) as pool:
 @pytest.mark.parametrize("doing", ["hang", "good"], ids=["during a build", "between builds"])
 def test_no_process_outlives_its_parent(tmp_path, stop, doing):
     command = [sys.executable, "-c", SCRIPT, write_generator(tmp_path), doing]
-    parent = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    parent = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs ignore it
+    )
     children = {int(parent.stdout.readline()) for _ in range(4)}
     while parent.stdout.readline().strip() != ("busy" if doing == "hang" else "idle"):
         pass

@@ -201,7 +201,7 @@ def build_light(params: Params) -> Mesh:
     """
     factory, module = prepare(), import_infinigen(_MODULE)
     tube, subdivide, line, solidify = module.geo_radius, module.subsurf, module.bezier_curve, type(factory).solidify
-    arm = -float(params["arm_y"]) * float(params["size"])  # arms end at the point of the seat nearest to this y
+    arm = -float(params["arm_y"]) * float(params["size"]) if params["has_arm"] else None  # where arms end on the seat
 
     def thin(obj: Any, axis: int, thickness: float | None = None) -> Any:
         dissolve_straight(obj)
