@@ -56,13 +56,15 @@ def shift(image: RGBA, rng: np.random.Generator, most: float = 0.06) -> RGBA:
 
 
 def recolour(image: RGBA, rng: np.random.Generator) -> RGBA:
-    """Gamma, contrast, saturation and a tint."""
-    colour = image[..., :3].astype(np.float32) / 255
-    grey = colour.mean(-1, keepdims=True)
-    colour = grey + (colour - grey) * rng.uniform(0.0, 1.6)
-    colour = np.clip(colour, 0, 1) ** np.exp(rng.uniform(-0.5, 0.5)) * rng.uniform(0.85, 1.1, 3).astype(np.float32)
-    colour = (colour - 0.5) * rng.uniform(0.7, 1.3) + 0.5 + rng.uniform(-0.08, 0.08)
-    return np.dstack([(colour * 255).clip(0, 255).astype(np.uint8), image[..., 3]])
+    """Saturation, then by a table for each channel a gamma, a tint, contrast and brightness."""
+    import cv2
+
+    saturation = rng.uniform(0.0, 1.6)
+    mixed = cv2.transform(image[..., :3], np.eye(3) * saturation + (1 - saturation) / 3)
+    levels = np.linspace(0, 1, 256)[:, None] ** np.exp(rng.uniform(-0.5, 0.5)) * rng.uniform(0.85, 1.1, 3)
+    levels = (levels - 0.5) * rng.uniform(0.7, 1.3) + 0.5 + rng.uniform(-0.08, 0.08)
+    table = (levels * 255).clip(0, 255).astype(np.uint8)
+    return np.dstack([cv2.LUT(mixed, table[None]), image[..., 3]])
 
 
 def over_background(image: RGBA, rng: np.random.Generator) -> UInt8[np.ndarray, "h w 3"]:
@@ -71,7 +73,7 @@ def over_background(image: RGBA, rng: np.random.Generator) -> UInt8[np.ndarray, 
     base = rng.uniform(225, 255) if rng.random() < 0.7 else rng.uniform(60, 255)
     ramp = np.linspace(-1, 1, size, dtype=np.float32)
     ground = base + rng.uniform(-15, 15) * ramp[:, None, None] + rng.uniform(-15, 15) * ramp[None, :, None]
-    ground = ground + rng.uniform(-12, 12, 3) - _shadow(size, rng)
+    ground = ground + rng.uniform(-12, 12, 3).astype(np.float32) - _shadow(size, rng)
     alpha = image[..., 3:].astype(np.float32) / 255
     return (image[..., :3] * alpha + ground.clip(0, 255) * (1 - alpha)).astype(np.uint8)
 

@@ -73,8 +73,10 @@ def crop_to_object(image: RGBA, size: int, margin: float = MARGIN) -> UInt8[np.n
 
 def over_white(image: RGBA) -> UInt8[np.ndarray, "h w 3"]:
     """The picture on a white ground."""
-    alpha = image[..., 3:].astype(np.float32) / 255
-    return np.rint(image[..., :3] * alpha + 255 * (1 - alpha)).astype(np.uint8)
+    import cv2
+
+    alpha = cv2.merge([image[..., 3]] * 3)
+    return cv2.add(cv2.multiply(image[..., :3], alpha, scale=1 / 255), cv2.bitwise_not(alpha))
 
 
 def prepare(source: Source, size: int) -> tuple[UInt8[np.ndarray, "size size 4"], Background]:
