@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import json as jsons
+from collections.abc import Iterator
+from itertools import count as counter
+from itertools import islice
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, arg
 
 from dipcg.cli_assets import Output
 from dipcg.config import ModelConfig, TrainConfig
 from dipcg.weights import RUNS
+
+if TYPE_CHECKING:
+    from dipcg.evaluate import Case
 
 
 def dataset_build(
@@ -69,8 +75,6 @@ def dataset_gallery(folder: Positional[Path], /, *, output: Output, count: int =
         output: PNG file
         count: number of shapes
     """
-    from itertools import islice
-
     from dipcg.export import check_target
     from dipcg.preview import contact_sheet
     from dipcg.store import Store
@@ -145,10 +149,7 @@ def evaluate(
         metric: names of metrics; all when left out
         json: file for the table as JSON
     """
-    from itertools import islice
-
     from dipcg.evaluate import evaluate as measure
-    from dipcg.evaluate import pair_cases, split_cases
     from dipcg.export import check_target
     from dipcg.pipeline import Inverter
     from dipcg.terminal import bar, table
@@ -158,18 +159,18 @@ def evaluate(
     if json is not None:
         check_target(json, (".json",))
     with Inverter.load(generator, workers=2) as inverter, bar("measuring", count) as update:
-        name = inverter.generator.name
-        cases = split_cases(data, count) if data else islice(pair_cases(pairs or Path(), prefix or name), count)
-        done = iter(range(1, count + 1))
-        found = measure(
-            inverter,
-            cases,
-            candidates,
-            steps,
-            pairs is not None,
-            list(metric) or None,
-            lambda case: update(next(done), case.name),
-        )
+        cases, done = _cases(data, pairs, prefix or inverter.generator.name, count), counter(1)
+        metrics, turned = list(metric) or None, pairs is not None
+        found = measure(inverter, cases, candidates, steps, turned, metrics, lambda case: update(next(done), case.name))
     print(table(found))
     if json:
         json.write_text(jsons.dumps(found.to_dict(), indent=1))
+
+
+def _cases(data: Path | None, pairs: Path | None, prefix: str, count: int) -> Iterator[Case]:
+    from dipcg.evaluate import pair_cases, split_cases
+
+    if data is not None:
+        return split_cases(data, count)
+    assert pairs is not None
+    return islice(pair_cases(pairs, prefix), count)
