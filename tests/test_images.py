@@ -86,6 +86,12 @@ def test_missing_pictures_get_a_sentence(tmp_path):
             load_image(path)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_picture_just_too_large_gets_one_sentence_and_no_warning():
+    with pytest.raises(ImageError, match="at most 64 million"):
+        load_image(huge_png(11_000))  # Pillow warns from 89 million pixels on and refuses from 179 million on
+
+
 @pytest.mark.parametrize("kind", ["PNG", "JPEG", "WEBP", "GIF", "TIFF", "BMP"])
 @pytest.mark.filterwarnings("ignore")
 def test_damage_anywhere_gives_a_picture_or_a_sentence(kind):

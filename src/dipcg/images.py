@@ -6,6 +6,7 @@ An image is `UInt8[np.ndarray, "h w 4"]` with straight alpha.
 from __future__ import annotations
 
 import io
+import warnings
 from pathlib import Path
 from typing import Literal
 
@@ -123,7 +124,9 @@ def _open(source: bytes | Image.Image | np.ndarray, name: str) -> Image.Image:
     if isinstance(source, bytes):
         if not source:
             raise ImageError(f"{name} is empty (0 bytes).")
-        return Image.open(io.BytesIO(source))
+        with warnings.catch_warnings():  # our own limit has a sentence of its own
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            return Image.open(io.BytesIO(source))
     if source.dtype != np.uint8 or source.shape[2:] not in ((), (3,), (4,)) or source.ndim < 2 or not source.size:
         got = f"{source.dtype} of shape {source.shape}"
         raise ImageError(f"{name} must be an array of uint8 of shape (h, w), (h, w, 3) or (h, w, 4), got {got}.")
