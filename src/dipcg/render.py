@@ -99,7 +99,8 @@ class Renderer:
     @property
     def device(self) -> str:
         """The name of the OpenGL renderer, e.g. llvmpipe for Mesa on a CPU."""
-        return str(self._context.info["GL_RENDERER"])
+        with self._context:
+            return str(self._context.info["GL_RENDERER"])
 
     @cached_property
     def _context(self) -> Any:
