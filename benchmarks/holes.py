@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.timing import header, machine, row
 from dipcg.generators import load_generator
-from dipcg.generators._infinigen import find_node, import_infinigen, silence
+from dipcg.generators._infinigen import find_node, import_infinigen, replaced, silence
 
 SEEDS = (2, 3, 9, 13)  # of Infinigen's own assets
 
@@ -37,9 +37,8 @@ def _compare() -> None:
         np.random.seed(seed)  # noqa: NPY002 - Infinigen draws from it
         factory = module.BasketBaseFactory(seed)
         factory.params = factory.get_asset_params()
-        module.geometry_nodes = exact
-        slow = _seconds(factory.create_asset)
-        module.geometry_nodes = own
+        with replaced(module, geometry_nodes=exact):
+            slow = _seconds(factory.create_asset)
         fast = _seconds(partial(basket.build, _read_back(basket, factory.params)))
         about = factory.params["has_holes"], factory.params["frame_sub_level"] > 0
         row(seed, *about, f"{slow:.3f}", f"{fast:.3f}", f"{slow / fast:.0f}")
