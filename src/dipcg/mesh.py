@@ -115,10 +115,16 @@ def compact(mesh: Mesh) -> Mesh:
 
 def sort_faces(mesh: Mesh) -> Mesh:
     """The same mesh with its faces in an order of our own: Blender's may depend on memory addresses."""
-    first = mesh.faces.argmin(1)[:, None]
-    turned = np.take_along_axis(mesh.faces, (first + np.arange(3)) % 3, 1)
-    order = np.lexsort((mesh.parts, *turned.T[::-1]))
-    return replace(mesh, faces=turned[order], parts=mesh.parts[order])
+    faces, order = sort_triangles(mesh.faces, mesh.parts)
+    return replace(mesh, faces=faces, parts=mesh.parts[order])
+
+
+def sort_triangles(triangles: np.ndarray, *ties: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles `f 3` turned to start at their lowest vertex and sorted, and which ones they were."""
+    first = triangles.argmin(1)[:, None]
+    turned = np.take_along_axis(triangles, (first + np.arange(3)) % 3, 1)
+    order = np.lexsort((*ties, *turned.T[::-1]))
+    return turned[order], order
 
 
 def _simplify_part(mesh: Mesh, part: int, share: float, error: float) -> Int32[np.ndarray, "k 3"]:

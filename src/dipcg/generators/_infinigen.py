@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dipcg.mesh import triangulate
+from dipcg.mesh import sort_triangles, triangulate
 
 Piece = tuple[str, np.ndarray, np.ndarray]
 
@@ -181,11 +181,5 @@ def read_piece(part: str, obj: Any) -> Piece:
     mesh.loops.foreach_get("vertex_index", corners)
     mesh.polygons.foreach_get("loop_total", sizes)
     matrix = np.array(obj.matrix_basis, np.float32)
-    triangles = _sorted(triangulate(sizes, corners)[0])
+    triangles, _ = sort_triangles(triangulate(sizes, corners)[0])
     return part, vertices.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3], triangles
-
-
-def _sorted(triangles: np.ndarray) -> np.ndarray:
-    first = triangles.argmin(1)[:, None]
-    turned = np.take_along_axis(triangles, (first + np.arange(3)) % 3, 1)
-    return turned[np.lexsort(turned.T[::-1])]
