@@ -4,7 +4,7 @@
 #   EXTRAS=app,dev     which optional parts to install          PYTHON=/path/to/python3.11
 SHELL := /bin/bash
 VENV ?= .venv
-EXTRAS ?= infinigen,app,train,foundation,dev
+EXTRAS ?= infinigen,app,train,cluster,foundation,dev
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := $(VENV)/bin
 comma := ,

@@ -17,11 +17,14 @@ README = ROOT / "README.md"
 
 # A file may import its own layer and those above it in this list.
 LAYERS = [
-    ["space", "mesh", "camera", "images", "registry", "config"],
-    ["generators", "adopt", "codec", "worker", "store", "render", "augment", "mcmc"],
+    ["space", "mesh", "camera", "images", "registry", "config", "recipes"],
+    ["generators", "adopt", "codec", "worker", "draws", "shards", "store", "cluster", "render", "augment", "locks", "compare", "mcmc"],
     [
         "encoders",
         "denoiser",
+        "ddpm",
+        "dit",
+        "estimators",
         "diffusion",
         "sampling",
         "dataset",
@@ -31,8 +34,8 @@ LAYERS = [
         "weights",
         "checkpoint",
     ]
-    + ["rank", "pipeline", "metrics", "evaluate", "export", "preview"],
-    ["cli", "cli_assets", "cli_generators", "cli_learning", "app", "doctor", "listing", "terminal"]
+    + ["rank", "refine", "recognise", "pipeline", "metrics", "evaluate", "export", "preview"],
+    ["cli", "cli_assets", "cli_estimate", "cli_generators", "cli_learning", "app", "doctor", "listing", "terminal"]
     + ["__main__", "__init__"],
 ]
 TORCH_FREE = {*LAYERS[0], *LAYERS[1], *LAYERS[3]}

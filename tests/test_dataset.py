@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dipcg.augment import AugmentConfig
 from dipcg.camera import VIEW_NUMBERS, View, decode_view
-from dipcg.dataset import Pictures, Shapes
+from dipcg.config import AugmentConfig
+from dipcg.dataset import Picture, Pictures, Shapes
 from dipcg.generators import load_generator
 
 BOX = load_generator("box")
@@ -19,7 +19,7 @@ def shown(mirrors: dict[str, str] | None, flip: float) -> tuple[np.ndarray, floa
     shapes = Shapes([], X[None], np.ones((1, len(X)), bool))
     pictures = Pictures(replace(BOX, mirrors=mirrors), shapes, 32, 1, config=AugmentConfig(flip=flip))
     image = np.zeros((32, 32, 4), np.uint8)
-    _, x, _ = pictures._augment((0, View(30.0, 20.0), image), np.random.default_rng(0))
+    _, x, _ = pictures._augment(Picture(0, View(30.0, 20.0), False, image), np.random.default_rng(0))
     return x[:-VIEW_NUMBERS], decode_view(x[-VIEW_NUMBERS:]).azimuth_deg
 
 

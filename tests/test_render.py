@@ -119,7 +119,7 @@ def test_brightness_follows_the_cosine_between_face_and_light(renderer, light):
 
 def test_grain_changes_colours_and_not_the_outline(renderer):
     mesh = join([block()])
-    plain, grained = (renderer.render(mesh, ASIDE, Look(grain=grain)) for grain in (0.0, 0.5))
+    plain, grained = (renderer.render(mesh, ASIDE, Look(grain=np.array([grain]))) for grain in (0.0, 0.5))
     np.testing.assert_array_equal(plain[..., 3], grained[..., 3])
     inside = plain[..., 3] == 255
     assert grained[inside].std(0)[:3].min() > plain[inside].std(0)[:3].min() + 1

@@ -5,16 +5,21 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import trimesh
+from scipy.stats import qmc
 
+import dipcg
 from dipcg import store
 from dipcg.codec import decode_mesh, encode_mesh
+from dipcg.draws import Draws
 from dipcg.generators import load_generator
 from dipcg.mesh import Mesh, make_mesh
 from dipcg.space import params_from_json
@@ -31,7 +36,11 @@ def small_shards(monkeypatch) -> None:
 
 def rows(folder: Path) -> pa.Table:
     """All that is stored, without the one column that is measured."""
-    return Store(folder).table().drop_columns(["build_s"])
+    return Store(folder).table().drop_columns(["_build_s"])
+
+
+def shards_of(folder: Path) -> list[Path]:
+    return sorted(folder.glob("shard-*.parquet"))
 
 
 def write_generator(folder: Path, body: str, low: float = 1.0) -> str:
@@ -97,21 +106,20 @@ def test_chairs_take_at_most_16_kilobytes_each():
 KILLED = """
 import sys, dipcg.store as store
 store.SHARD = int(sys.argv[3])
-store.build_dataset(sys.argv[1], sys.argv[2], 20, report=lambda progress: print(progress.done, flush=True))
+store.build_dataset(sys.argv[1], sys.argv[2], 20)
 """
 
 
 def test_a_killed_build_goes_on_with_the_same_rows(tmp_path):
     slow = write_generator(tmp_path, "time.sleep(0.05)")
     command = [sys.executable, "-c", KILLED, slow, str(tmp_path / "killed"), str(SHARD)]
-    child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    while child.stdout.readline().strip() != str(2 * SHARD):
-        pass
+    child = subprocess.Popen(command)
+    while not (tmp_path / "killed" / "shard-00001.parquet").exists():
+        time.sleep(0.01)
     time.sleep(0.05)  # into the next shard
     child.send_signal(signal.SIGKILL)
     child.wait()
-    child.stdout.close()
-    left = Store(tmp_path / "killed").shards
+    left = shards_of(tmp_path / "killed")
     assert 2 <= len(left) < 5
     written = [path.stat().st_mtime_ns for path in left]
     build_dataset(slow, tmp_path / "killed", 20)
@@ -175,7 +183,7 @@ def test_failures_are_rows_with_a_reason(tmp_path):
     assert [sample.mesh is None for sample in samples] == [sample.params["size"] >= 1.5 for sample in samples]
     assert [sample.failure for sample in samples] == [None if sample.mesh else "raised" for sample in samples]
     assert 0 < failed < 20
-    assert progress[-1] == Progress(20, 20, failed)
+    assert progress[-1] == Progress(20, 20, failed, new=20)
     assert Store(tmp_path / "data").summary()["failed"] == {"raised": failed}
 
 
@@ -205,29 +213,91 @@ def why_it_fails(size: float) -> str | None:
     return next((reason for limit, reason in limits.items() if size < limit), None)
 
 
-def test_failures_without_a_sentence_are_read_as_older_versions_wrote_them(tmp_path, monkeypatch):
-    monkeypatch.setattr(store, "_to_row", lambda sample, write=store._to_row: write(sample) | {"failure": "raised"})
-    build_dataset("box", tmp_path, 2)
-    assert [sample.failure for sample in Store(tmp_path).samples()] == ["raised", "raised"]
-    assert Store(tmp_path).summary()["failed"] == {"raised": 2}
-
-
 def test_a_generator_that_cannot_start_ends_the_build(tmp_path):
     ref = write_generator(tmp_path, "pass")
     with Path(ref).open("a") as file:
         file.write("def prepare():\n    raise ImportError('no Blender here')\n")
     with pytest.raises(BuildError, match="no Blender here"):
         build_dataset(ref, tmp_path / "data", 2)
-    assert Store(tmp_path / "data").shards == []
+    assert shards_of(tmp_path / "data") == []
 
 
 def test_the_summary_counts_what_is_there(tmp_path):
     build_dataset("box", tmp_path, 40, seed=5)
     summary = Store(tmp_path).summary()
     assert summary["bytes"] == sum(path.stat().st_size for path in tmp_path.glob("*.parquet"))
+    histograms = summary.pop("parameters")
     del summary["bytes"]
-    splits = {"train": 36, "validation": 2, "test": 2}
-    assert summary == {"generator": "box", "seed": 5, "samples": 40, "failed": {}, "first_failed": {}, "splits": splits}
+    expected = {"generator": "box", "seed": 5, "drawing": "uniform", "samples": 40, "failed": {}, "first_failed": {}}
+    assert summary == expected | {"splits": {"train": 36, "validation": 2, "test": 2}}
+    table = Store(tmp_path).table()
+    assert histograms.keys() == set(load_generator("box").space.names)
+    assert sum(histograms["width"]) == 40
+    assert histograms["top"] == dict(Counter(table["top"].to_pylist()))
+    assert sum(histograms["lid_height"]) == histograms["top"]["pyramid"], "counted where it means something"
+
+
+# Drawing
+
+
+def test_sobol_points_are_spread_more_evenly_than_independent_ones():
+    space = load_generator("table").space
+    drawn = [
+        np.array([space.encode(p) for p in Draws("table", 3, way).params(range(256))]) for way in ("sobol", "uniform")
+    ]
+    always = [i for i, p in enumerate(space) if not p.when and i in space.reals][:4]
+    sobol, uniform = (qmc.discrepancy((x[:, always] + 1) / 2) for x in drawn)
+    assert sobol < uniform / 3
+
+
+def test_a_sample_depends_on_its_number_and_not_on_what_is_drawn_with_it():
+    for way in ("sobol", "uniform"):
+        draws = Draws("box", 1, way)
+        assert draws.params(range(5, 8)) == draws.params(range(16))[5:8]
+        assert Draws("box", 2, way).params(range(3)) != draws.params(range(3))
+
+
+# What others read
+
+
+def test_columns_have_the_names_of_the_parameters_and_say_what_made_them(tmp_path):
+    build_dataset("box", tmp_path, 6)
+    table = pq.read_table(tmp_path / "shard-00000.parquet")
+    assert set(load_generator("box").space.names) <= set(table.column_names)
+    assert min(table["_build_s"].to_pylist()) > 0
+    about = json.loads(table.schema.metadata[b"dipcg"])
+    assert about["versions"]["dipcg"] == dipcg.__version__
+    assert about["fingerprint"] == load_generator("box").space.fingerprint
+
+
+# A disk that is full, a folder that cannot be
+
+FULL = """
+import resource, signal, sys, dipcg.store as store
+from dipcg.cli import main
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+store.SHARD = 4
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), int(sys.argv[2])))
+main(["dataset", "build", "box", "--count", "8", "-o", sys.argv[1]])
+"""
+
+
+def test_a_full_disk_is_a_sentence_and_keeps_what_is_written(tmp_path):
+    build_dataset("box", tmp_path / "data", 4)
+    kept = rows(tmp_path / "data")
+    told = subprocess.run(
+        [sys.executable, "-c", FULL, str(tmp_path / "data"), "1000"], capture_output=True, text=True, check=False
+    )
+    assert told.returncode == 1
+    assert "shard-00001.parquet cannot be used (File too large)." in told.stderr
+    assert [path.name for path in sorted((tmp_path / "data").iterdir())] == ["dataset.json", "shard-00000.parquet"]
+    assert rows(tmp_path / "data").equals(kept)
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError, match="file"):
+        build_dataset("box", tmp_path / "file" / "data", 4)
 
 
 # Folders that are no data set, or another's
@@ -262,7 +332,7 @@ def test_a_count_below_one_is_refused(tmp_path, count):
 @pytest.mark.parametrize("keep", [0, 4, 0.5], ids=["empty", "four bytes", "half"])
 def test_a_damaged_shard_is_named(tmp_path, keep):
     build_dataset("box", tmp_path, 2 * SHARD)
-    shard = Store(tmp_path).shards[1]
+    shard = shards_of(tmp_path)[1]
     data = shard.read_bytes()
     shard.write_bytes(data[: int(keep * len(data)) if isinstance(keep, float) else keep])
     for use in (lambda: Store(tmp_path).table(), lambda: build_dataset("box", tmp_path, 2 * SHARD)):
@@ -287,7 +357,7 @@ def test_a_folder_that_does_not_exist_is_no_data_set(tmp_path):
 
 def test_a_data_set_without_a_finished_shard_says_so(tmp_path):
     build_dataset("box", tmp_path, 2)
-    Store(tmp_path).shards[0].unlink()
+    shards_of(tmp_path)[0].unlink()
     with pytest.raises(ValueError, match="has no finished shard yet"):
         Store(tmp_path).table()
 
@@ -295,4 +365,5 @@ def test_a_data_set_without_a_finished_shard_says_so(tmp_path):
 def test_the_description_of_a_data_set_is_plain_json(tmp_path):
     build_dataset("box", tmp_path, 2, seed=4)
     info = json.loads((tmp_path / "dataset.json").read_text())
-    assert info == {"generator": "box", "ref": "box", "fingerprint": load_generator("box").space.fingerprint, "seed": 4}
+    fingerprint = load_generator("box").space.fingerprint
+    assert info == {"generator": "box", "ref": "box", "fingerprint": fingerprint, "seed": 4, "drawing": "uniform"}

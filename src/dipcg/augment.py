@@ -1,39 +1,32 @@
 """Making one rendered picture look like many photographs and drawings; each change has its own switch.
 
-The paper's (section 3.2): colour, flip, crop, mask as condition, edges as condition. Everything takes and returns an
-RGBA picture, except `to_network`, which ends the chain.
+The paper's (section 3.2): colour, flip, crop, mask as condition, edges as condition. A picture is RGBA
+until the background is behind it, and RGB from then on.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import UInt8
 
+from dipcg.config import AugmentConfig
 from dipcg.images import edges, over_white, silhouette
 
 RGBA = UInt8[np.ndarray, "h w 4"]
 
 
-@dataclass(frozen=True)
-class AugmentConfig:
-    """How often each change is made, from 0 (never) to 1 (always)."""
+def augment(
+    image: RGBA, config: AugmentConfig, rng: np.random.Generator, drawing: bool = False
+) -> UInt8[np.ndarray, "h w 3"]:
+    """One random version of a picture, over its background, without view and flip (which change the answer too).
 
-    mask: float = 0.08
-    edges: float = 0.12
-    colour: float = 0.8
-    background: float = 0.25
-    crop: float = 0.7
-    blur: float = 0.25
-    noise: float = 0.3
-    flip: float = 0.5
-
-
-def augment(image: RGBA, config: AugmentConfig, rng: np.random.Generator) -> UInt8[np.ndarray, "h w 3"]:
-    """One random version of a picture, over its background, without the flip (which changes the answer too)."""
+    Of a `drawing` the picture shows the surface's normals, and only its lines are drawn.
+    """
     wanted = {name: rng.random() < share for name, share in vars(config).items()}
     image = shift(image, rng) if wanted["crop"] else image
+    image = hide(image, rng) if wanted["hide"] else image
+    if drawing:
+        return draw_lines(image, rng)
     if wanted["edges"]:
         return over_white(edges(image))
     if wanted["mask"]:
@@ -41,7 +34,33 @@ def augment(image: RGBA, config: AugmentConfig, rng: np.random.Generator) -> UIn
     image = recolour(image, rng) if wanted["colour"] else image
     picture = over_background(image, rng) if wanted["background"] else over_white(image)
     picture = blur(picture, rng) if wanted["blur"] else picture
-    return add_noise(picture, rng) if wanted["noise"] else picture
+    picture = add_noise(picture, rng) if wanted["noise"] else picture
+    return compress(picture, rng) if wanted["jpeg"] else picture
+
+
+def draw_lines(normals: RGBA, rng: np.random.Generator) -> UInt8[np.ndarray, "h w 3"]:
+    """Lines where the surface folds or ends, of random darkness and width, bent a little as a hand would."""
+    import cv2
+
+    lines = 255 - edges(normals)[..., 0]
+    bent = cv2.remap(lines, *_bend(len(lines), rng), cv2.INTER_LINEAR)
+    wide = cv2.GaussianBlur(bent, (0, 0), rng.uniform(0.3, 0.9)).astype(np.float32) * rng.uniform(1.0, 3.0)
+    ink = rng.uniform(0.5, 1.0) * wide.clip(0, 255)
+    return np.repeat((255 - ink).astype(np.uint8)[..., None], 3, 2)
+
+
+def hide(image: RGBA, rng: np.random.Generator) -> RGBA:
+    """A box in front of a tenth of the picture or less: cut out with the object, or painted over it."""
+    size = len(image)
+    extent = (rng.uniform(0.1, 0.35, 2) * size).astype(int)
+    top, left = (rng.uniform(0, 1, 2) * (size - extent)).astype(int)
+    box = (slice(top, top + extent[0]), slice(left, left + extent[1]))
+    image = image.copy()
+    if rng.random() < 0.5:
+        image[box][..., 3] = 0
+    else:
+        image[(*box, slice(3))] = rng.integers(0, 256, 3)
+    return image
 
 
 def shift(image: RGBA, rng: np.random.Generator, most: float = 0.06) -> RGBA:
@@ -89,6 +108,24 @@ def add_noise(picture: UInt8[np.ndarray, "h w 3"], rng: np.random.Generator) -> 
     """The grain of a sensor."""
     noise = rng.standard_normal(picture.shape[:2], dtype=np.float32)[..., None] * rng.uniform(1, 10)
     return (picture + noise).clip(0, 255).astype(np.uint8)
+
+
+def compress(picture: UInt8[np.ndarray, "h w 3"], rng: np.random.Generator) -> UInt8[np.ndarray, "h w 3"]:
+    """Written and read as JPEG."""
+    import cv2
+
+    _, written = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(25, 90))])
+    return np.asarray(cv2.imdecode(written, cv2.IMREAD_COLOR), np.uint8)
+
+
+def _bend(size: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """For each pixel the column and the row it is taken from: off by about a pixel, smoothly."""
+    import cv2
+
+    coarse = rng.normal(0, rng.uniform(0, 0.01) * size, (2, 5, 5)).astype(np.float32)
+    rows, columns = np.mgrid[:size, :size].astype(np.float32)
+    across, down = (cv2.resize(part, (size, size), interpolation=cv2.INTER_CUBIC) for part in coarse)
+    return columns + across, rows + down
 
 
 def _shadow(size: int, rng: np.random.Generator) -> np.ndarray:

@@ -38,12 +38,39 @@ class ViewRange:
     distance: Range = (1.5, 6.0)
     concentration: float = 1.5
 
+    @property
+    def middle(self) -> View:
+        """The middle of every range."""
+        return View(*(sum(ends) / 2 for ends in (self.azimuth_deg, self.elevation_deg, self.distance)))
+
     def sample(self, rng: np.random.Generator) -> View:
         """Draw one view."""
         (left, right), (low, high) = self.azimuth_deg, self.distance
         u = rng.uniform(-1, 1)
         azimuth = (left + right) / 2 + (right - left) / 2 * u * abs(u) ** (self.concentration - 1)
         return View(azimuth, rng.uniform(*self.elevation_deg), 1 / rng.uniform(1 / high, 1 / low))
+
+
+@dataclass(frozen=True)
+class ViewGrid:
+    """Every combination of some azimuths, elevations and distances, as the paper has them."""
+
+    azimuths_deg: tuple[float | int, ...]
+    elevations_deg: tuple[float | int, ...]
+    distances: tuple[float | int, ...]
+
+    @property
+    def middle(self) -> View:
+        """The middle one of each; of an even number the higher."""
+        return View(*(float(sorted(values)[len(values) // 2]) for values in self._axes))
+
+    def sample(self, rng: np.random.Generator) -> View:
+        """Draw one view."""
+        return View(*(float(rng.choice(values)) for values in self._axes))
+
+    @property
+    def _axes(self) -> tuple[tuple[float | int, ...], ...]:
+        return self.azimuths_deg, self.elevations_deg, self.distances
 
 
 def camera_position(view: View, centre: Float[np.ndarray, "3"], side: float) -> Float[np.ndarray, "3"]:

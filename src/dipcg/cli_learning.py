@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json as jsons
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import count as counter
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
 
@@ -17,6 +19,7 @@ from dipcg.weights import RUNS
 
 if TYPE_CHECKING:
     from dipcg.evaluate import Case
+    from dipcg.store import Progress
 
 
 def dataset_build(
@@ -28,9 +31,12 @@ def dataset_build(
     seed: int = 0,
     workers: int = 2,
     timeout_s: float = 60.0,
+    drawing: Literal["uniform", "sobol"] = "uniform",
+    executor: Literal["local", "ray"] = "local",
+    address: str | None = None,
     resume: bool = True,
 ) -> None:
-    """Sample a generator and store parameters and light meshes.
+    """Sample a generator and store parameters and light meshes; a killed build goes on where it was.
 
     Args:
         generator: name, or a path to a Python or TOML file
@@ -39,6 +45,9 @@ def dataset_build(
         seed: of the shapes
         workers: processes that build
         timeout_s: seconds after which a build is given up
+        drawing: of parameters, each by itself, or sobol: spread more evenly, for few samples
+        executor: this machine, or ray: a Ray cluster with as many workers as it has processors
+        address: of the Ray cluster, as `ray start` prints it; one on this machine when left out
         resume: go on with a folder that already has shards
     """
     from dipcg.store import build_dataset
@@ -47,11 +56,15 @@ def dataset_build(
     if not resume and any(output.glob("shard-*.parquet")):
         raise ValueError(f"{output} already has shards; choose another folder, or leave out --no-resume.")
     with bar("building", count) as update:
-        failed = build_dataset(
-            generator, output, count, seed, workers, timeout_s, lambda p: update(p.done, f"{p.failed} failed")
-        )
+        report = partial(_report, update, time.perf_counter())
+        failed = build_dataset(generator, output, count, seed, workers, timeout_s, report, drawing, executor, address)
     why = f" `dipcg dataset info {output}` says why." if failed else ""
     print(f"{count - failed} shapes in {output}, {failed} failed.{why}")
+
+
+def _report(update: Callable[[int, str], None], started: float, progress: Progress) -> None:
+    rate = progress.new / max(time.perf_counter() - started, 1e-6)
+    update(progress.done, f"{rate:.1f}/s, {progress.failed} failed")
 
 
 def dataset_info(folder: Positional[Path], /, *, json: bool = False) -> None:
@@ -61,10 +74,11 @@ def dataset_info(folder: Positional[Path], /, *, json: bool = False) -> None:
         folder: with shards
         json: print JSON
     """
+    from dipcg.listing import data_set
     from dipcg.store import Store
 
     found = Store(folder).summary()
-    print(jsons.dumps(found, indent=1) if json else "\n".join(f"{key:12} {value}" for key, value in found.items()))
+    print(jsons.dumps(found, indent=1) if json else data_set(found))
 
 
 def dataset_gallery(folder: Positional[Path], /, *, output: Output, count: int = 48) -> None:
@@ -93,6 +107,7 @@ def train(
     *,
     data: Path,
     output: Output = RUNS,
+    recipe: str = "ours",
     train: Annotated[TrainConfig, arg(name="")] = TrainConfig(),  # noqa: B008 - frozen
     model: Annotated[ModelConfig, arg(name="")] = ModelConfig(),  # noqa: B008 - frozen
 ) -> None:
@@ -102,13 +117,16 @@ def train(
         generator: name, or a path to a Python or TOML file; its checkpoint goes to a folder of this name in the output
         data: folder from `dipcg dataset build`
         output: folder for checkpoints
+        recipe: ours, paper, single-view, clip, small or large; what the flags below default to
     """
     from dipcg.generators import load_generator
+    from dipcg.recipes import find_recipe
     from dipcg.store import Store
     from dipcg.terminal import bar
     from dipcg.tracking import Log
     from dipcg.train import train as run
 
+    find_recipe(recipe)
     info = Store(data).info
     if generator != info["generator"] and load_generator(generator).ref != info["ref"]:
         raise ValueError(f"{data} holds shapes of {info['generator']!r}, not of {generator!r}.")
@@ -132,7 +150,7 @@ def evaluate(
     prefix: str = "",
     count: int = 100,
     candidates: int = 16,
-    steps: int = 10,
+    steps: int | None = None,
     metric: tuple[str, ...] = (),
     json: Path | None = None,
 ) -> None:
@@ -145,7 +163,7 @@ def evaluate(
         prefix: only pairs whose names start so; the generator's name when left out
         count: at most so many shapes
         candidates: how many of each picture, the expected one among them
-        steps: of the sampler
+        steps: of the sampler; as many as the checkpoint was made for when left out
         metric: names of metrics; all when left out
         json: file for the table as JSON
     """

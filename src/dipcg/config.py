@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 
 @dataclass(frozen=True)
@@ -18,7 +19,48 @@ class ModelConfig:
     heads: int = 6
     """attention heads of the denoiser (the paper's 6)"""
     summary: int = 512
-    """numbers in the pooled feature that the first guess is made from"""
+    """numbers in the pooled feature that the first guess is made from; 0 for the paper's model, which has none"""
+    encoder_weights: str = ""
+    """hub name or folder of a pretrained encoder's weights; the encoder's own when empty"""
+    objective: Literal["flow", "ddpm"] = "flow"
+    """flow: the clean end is predicted, from a first guess; ddpm: the noise is, as in the paper"""
+    steps: int = 10
+    """of the sampler, where no other number is asked for (the paper's 250)"""
+
+    @property
+    def expecting_steps(self) -> int:
+        """Steps after which draws average to the expectation: a flow knows it before the first, a ddpm at the end."""
+        return 1 if self.objective == "flow" else self.steps
+
+
+@dataclass(frozen=True)
+class AugmentConfig:
+    """How often each change is made to a training picture, from 0 (never) to 1 (always)."""
+
+    views: float = 1.0
+    """seen from anywhere in the generator's range of views, not from its middle"""
+    lines: float = 0.08
+    """a line drawing made from the surface's normals, as if by hand"""
+    mask: float = 0.08
+    """the silhouette alone"""
+    edges: float = 0.10
+    """Canny edges alone"""
+    colour: float = 0.8
+    """saturation, gamma, tint, contrast and brightness"""
+    background: float = 0.25
+    """a ground that is not plain white, sometimes with a shadow"""
+    crop: float = 0.7
+    """cropped or padded by a few percent"""
+    hide: float = 0.12
+    """a piece of the object hidden"""
+    blur: float = 0.25
+    """out of focus"""
+    noise: float = 0.3
+    """the grain of a sensor"""
+    jpeg: float = 0.2
+    """compressed as JPEG"""
+    flip: float = 0.5
+    """mirrored, with the camera and the parameters that it then shows"""
 
 
 @dataclass(frozen=True)
@@ -30,7 +72,9 @@ class TrainConfig:
     batch: int = 64
     """pictures a step"""
     learning_rate: float = 1e-3
-    """at its highest; rises for the first 2 % and falls to nothing along a cosine"""
+    """at its highest"""
+    schedule: Literal["cosine", "constant"] = "cosine"
+    """cosine: rises for the first 2 % of the time and then falls to nothing; constant: as in the paper"""
     weight_decay: float = 0.02
     """of AdamW"""
     denoiser_from: float = 0.5
@@ -43,6 +87,10 @@ class TrainConfig:
     """decay of the averaged weights that are shipped"""
     repeats: int = 2
     """how often a rendered picture is used, each time with other augmentations"""
+    views: Literal["range", "grid"] = "range"
+    """range: seen from anywhere in the generator's range of views; grid: from the published cameras"""
+    augment: AugmentConfig = field(default_factory=AugmentConfig)
+    """changes to training pictures"""
     workers: int = 1
     """processes that render"""
     seed: int = 0

@@ -12,13 +12,15 @@ from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
-from dipcg.augment import AugmentConfig, augment
+from dipcg.augment import augment
 from dipcg.camera import View, encode_view
 from dipcg.codec import decode_mesh
+from dipcg.config import AugmentConfig
 from dipcg.generators import Generator, load_generator
 from dipcg.images import MARGIN
-from dipcg.render import Renderer, sample_look
-from dipcg.store import PREFIX, Store, in_split
+from dipcg.render import Look, Renderer, sample_look
+from dipcg.shards import MESH
+from dipcg.store import Store
 
 RECENT = 1024  # rendered pictures kept for another use
 
@@ -29,6 +31,15 @@ class Batch(NamedTuple):
     images: UInt8[Tensor, "b 3 s s"]
     x: Float[Tensor, "b d"]
     active: Bool[Tensor, "b p"]
+
+
+class Picture(NamedTuple):
+    """A rendered picture before augmentation: the number of its shape, its camera, whether it shows normals."""
+
+    number: int
+    view: View
+    drawing: bool
+    image: UInt8[np.ndarray, "s s 4"]
 
 
 class Shapes(NamedTuple):
@@ -42,13 +53,12 @@ class Shapes(NamedTuple):
 def load_shapes(folder: str | Path, split: str) -> tuple[Generator, Shapes]:
     """Read the shapes of a split that could be built; raises ValueError when there are none."""
     store = Store(folder)
-    rows = [row for row in store.table().to_pylist() if row["mesh"] and in_split(row["number"], split)]
+    rows = [row for row in store.rows(split) if row[MESH]]
     if not rows:
         raise ValueError(f"{folder} has no shapes in its {split} split; build more with `dipcg dataset build`.")
-    params = [{name: row[PREFIX + name] for name in store.space.names} for row in rows]
-    x = np.stack([store.space.encode(p) for p in params]).astype(np.float32)
-    active = np.stack([store.space.active(p) for p in params])
-    return load_generator(store.info["ref"]), Shapes([row["mesh"] for row in rows], x, active)
+    x = np.stack([store.space.encode(row) for row in rows]).astype(np.float32)
+    active = np.stack([store.space.active(row) for row in rows])
+    return load_generator(store.info["ref"]), Shapes([row[MESH] for row in rows], x, active)
 
 
 class Pictures(IterableDataset):
@@ -79,23 +89,26 @@ class Pictures(IterableDataset):
             chosen = rng.choice(len(recent), self.batch, replace=False)
             yield self._collate([self._augment(recent[i], rng) for i in chosen])
 
-    def _render(self, renderer: Renderer, rng: np.random.Generator) -> tuple[int, View, np.ndarray]:
+    def _render(self, renderer: Renderer, rng: np.random.Generator) -> Picture:
         number = int(rng.integers(len(self.shapes.meshes)))
-        mesh, view = decode_mesh(self.shapes.meshes[number]), self.generator.views.sample(rng)
-        return number, view, renderer.render(mesh, view, sample_look(rng, len(mesh.part_names)), MARGIN)
+        mesh, views = decode_mesh(self.shapes.meshes[number]), self.generator.views
+        view = views.sample(rng) if rng.random() < self.config.views else views.middle
+        drawing = rng.random() < self.config.lines
+        look = Look(normals=True) if drawing else sample_look(rng, len(mesh.part_names))
+        return Picture(number, view, drawing, renderer.render(mesh, view, look, MARGIN))
 
-    def _keep(self, recent: list, picture: tuple, rng: np.random.Generator) -> None:
+    def _keep(self, recent: list[Picture], picture: Picture, rng: np.random.Generator) -> None:
         if len(recent) < RECENT:
             recent.append(picture)
         else:
             recent[int(rng.integers(RECENT))] = picture
 
-    def _augment(self, picture: tuple[int, View, np.ndarray], rng: np.random.Generator) -> tuple:
-        number, view, image = picture
+    def _augment(self, picture: Picture, rng: np.random.Generator) -> tuple:
+        number, view, drawing, image = picture
         x = self.shapes.x[number]
         if rng.random() < self.config.flip and self.generator.mirrors is not None:
             image, view, x = flip(self.generator, image, view, x)
-        pixels = augment(np.ascontiguousarray(image), self.config, rng)
+        pixels = augment(np.ascontiguousarray(image), self.config, rng, drawing)
         return pixels.transpose(2, 0, 1), np.concatenate([x, encode_view(view)]), self.shapes.active[number]
 
     def _collate(self, rows: list[tuple]) -> Batch:

@@ -1,4 +1,4 @@
-"""Generators and their parameters as text or JSON."""
+"""Generators, their parameters and data sets as text or JSON."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from dipcg import registry
 from dipcg.generators import load_generator
 from dipcg.space import Choice, Parameter
 from dipcg.weights import shipped
+
+BARS = " ▁▂▃▄▅▆▇█"
 
 
 def generators(json: bool = False) -> str:
@@ -30,6 +32,20 @@ def parameters(name: str, json: bool = False) -> str:
         return jsons.dumps(generator.space.describe(), indent=1)
     rows = [(p.group, p.name, _range(p), p.unit, _when(p), p.doc) for p in generator.space]
     return generator.doc + "\n\n" + _aligned([("part", "parameter", "range", "unit", "active when", "meaning"), *rows])
+
+
+def data_set(summary: dict[str, Any]) -> str:
+    """What `store.Store.summary` found, with a histogram for each parameter."""
+    facts = [(key, str(value)) for key, value in summary.items() if key != "parameters"]
+    histograms = [(name, _bars(found)) for name, found in summary["parameters"].items()]
+    return _aligned(facts) + "\n\n" + _aligned(histograms)
+
+
+def _bars(found: dict[str, int] | list[int]) -> str:
+    if isinstance(found, dict):
+        return ", ".join(f"{option} {count}" for option, count in found.items())
+    most = max(1, *found)
+    return "".join(BARS[round(count / most * (len(BARS) - 1))] for count in found)
 
 
 def _generator(name: str) -> dict[str, Any]:

@@ -36,16 +36,18 @@ class Look:
     """Colours and lights of a picture: everything about it that is neither shape nor camera.
 
     Colours are sRGB in [0, 1], one row per part (rows repeat when there are more parts); lights are directions from the
-    object in camera axes with a strength each; `grain` is the contrast of a streaky solid texture, `grain_scale` its
-    streaks per metre along each axis.
+    object in camera axes with a strength each; `grain` is the contrast of a streaky solid texture, one number per
+    part like the colours, `grain_scale` its streaks per metre along each axis. With `normals` the colours are the
+    surface's normals in camera axes, from which lines can be drawn.
     """
 
     colours: Float[np.ndarray, "p 3"] = field(default_factory=lambda: PALETTE)
     lights: Float[np.ndarray, "l 3"] = field(default_factory=lambda: np.array([[0.5, 0.8, 0.6], [-0.8, 0.2, 0.5]]))
     strengths: Float[np.ndarray, " l"] = field(default_factory=lambda: np.array([0.6, 0.2]))
     ambient: float = 0.3
-    grain: float = 0.0
+    grain: Float[np.ndarray, " p"] = field(default_factory=lambda: np.zeros(1))
     grain_scale: Float[np.ndarray, "3"] = field(default_factory=lambda: np.array([60.0, 60.0, 4.0]))
+    normals: bool = False
 
 
 def sample_look(rng: np.random.Generator, parts: int) -> Look:
@@ -58,7 +60,7 @@ def sample_look(rng: np.random.Generator, parts: int) -> Look:
         lights=lights,
         strengths=rng.dirichlet(np.ones(len(lights))) * rng.uniform(0.3, 1.0),
         ambient=float(rng.uniform(0.15, 0.7)),
-        grain=float(rng.choice([0.0, 0.0, rng.uniform(0.1, 0.6)])),
+        grain=rng.uniform(0.1, 0.6, parts) * (rng.random(parts) < rng.choice([0.0, 0.0, 0.5, 1.0])),
         grain_scale=rng.permutation(np.exp(rng.uniform(np.log([30, 30, 2]), np.log([150, 150, 20])))),
     )
 
@@ -144,6 +146,7 @@ class Renderer:
         self._context.enable(self._context.DEPTH_TEST)
         for part, (first, count) in enumerate(ranges):
             self._program["colour"].value = tuple(look.colours[part % len(look.colours)])
+            self._program["grain"].value = float(look.grain[part % len(look.grain)])
             vertices.render(self._context.TRIANGLES, vertices=count, first=first)
 
     def _set_look(self, look: Look) -> None:
@@ -152,7 +155,7 @@ class Renderer:
         lights[: len(unit)] = np.column_stack([unit, look.strengths])
         self._program["lights"].write(lights.tobytes())
         self._program["ambient"].value = look.ambient
-        self._program["grain"].value = look.grain
+        self._program["normals"].value = look.normals
         self._program["grain_scale"].value = tuple(look.grain_scale)
 
     def _load(self, mesh: Mesh) -> tuple[Any, list[tuple[int, int]]]:
@@ -216,6 +219,7 @@ uniform vec3 colour;
 uniform vec4 lights[3];
 uniform float ambient;
 uniform float grain;
+uniform bool normals;
 uniform vec3 grain_scale;
 in vec3 seen;
 in vec3 solid;
@@ -225,6 +229,7 @@ float streaks(vec3 p) { return sin(p.x + 2.0 * sin(0.3 * p.y)) * sin(p.y + 2.0 *
 
 void main() {
     vec3 normal = normalize(cross(dFdx(seen), dFdy(seen)));
+    if (normals) { result = vec4(0.5 + 0.5 * normal, 1); return; }
     float light = ambient;
     for (int i = 0; i < 3; i++) light += lights[i].w * max(dot(normal, lights[i].xyz), 0.0);
     vec3 base = colour * colour;  // a gamma of 2: square and root cost a CPU less than pow

@@ -1,46 +1,34 @@
-"""Samples on disk: parameters as Parquet columns, the light mesh as one compact column, in resumable shards.
+"""Data sets on disk: a folder of shards that a build fills, resumes and extends, and its reader.
 
-A shard is written whole and renamed into place, and sample `i` depends on the seed and `i` alone, so a build that was
-killed anywhere goes on with the same rows.
+A shard is written whole or not at all, and sample `i` depends on the seed and `i` alone, so a build that was killed
+anywhere goes on with the same rows.
 """
 
 from __future__ import annotations
 
 import json
-import os
-import time
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
-from dipcg.codec import decode_mesh, encode_mesh
+from dipcg import shards
+from dipcg.draws import Drawing, Draws
 from dipcg.generators import Generator, load_generator
 from dipcg.mesh import Mesh
-from dipcg.space import Choice, ParameterSpace, Params
-from dipcg.worker import BuildError, BuildPool
+from dipcg.shards import FAILURE, NUMBER, Sample
+from dipcg.space import Parameter, ParameterSpace, Real
+from dipcg.worker import BuildError, BuildPool, Timed
 
 SHARD = 250
-PREFIX = "param."
 SPLITS = {"train": (0, 18), "validation": (18, 19), "test": (19, 20)}  # twentieths, by sample number
-
-
-@dataclass(frozen=True)
-class Sample:
-    """One row: the parameters, the mesh unless the build failed, and why it failed."""
-
-    number: int
-    params: Params
-    mesh: Mesh | None
-    build_s: float
-    failure: str | None
-    """a worker.BuildError's reason"""
-    sentence: str = ""
-    """what it said, with the parameters"""
+BINS = 16  # of a parameter's histogram
+Executor = Literal["local", "ray"]
 
 
 @dataclass(frozen=True)
@@ -50,6 +38,8 @@ class Progress:
     done: int
     total: int
     failed: int
+    new: int = 0
+    """of those done, built now and not found there"""
 
 
 def build_dataset(
@@ -60,28 +50,28 @@ def build_dataset(
     workers: int = 1,
     timeout_s: float = 60.0,
     report: Callable[[Progress], None] = lambda progress: None,
+    drawing: Drawing = "uniform",
+    executor: Executor = "local",
+    address: str | None = None,
 ) -> int:
     """Sample `count` parameter sets, build and store them; shards already there are kept. Returns the failures.
 
-    Raises ValueError when the folder holds other data, or `count` is not positive, and BuildError when no worker can
-    start: that is the fault of no sample.
+    With the executor `ray`, shards are built on a Ray cluster (`address`, or one on this machine) and written here.
+    Raises ValueError when the folder holds other data, or `count` is not positive, OSError when it cannot be written
+    to, and BuildError when no worker can start: that is the fault of no sample.
     """
-    generator, folder = load_generator(ref), Path(folder)
-    generator.check_installed()
+    draws, folder = Draws(str(load_generator(ref).ref), seed, drawing), Path(folder)
     if count < 1:
         raise ValueError(f"The number of samples must be at least 1, got {count}.")
-    _claim(folder, generator, seed)
-    failed, done = 0, 0
-    with BuildPool(ref, workers, timeout_s) as pool:
-        for first in range(0, count, SHARD):
-            numbers = range(first, min(first + SHARD, count))
-            path = folder / f"shard-{first // SHARD:05d}.parquet"
-            if not _is_complete(path, len(numbers)):
-                _write(path, _build_shard(pool, generator, seed, numbers), generator)
-            failed += _failures(path)
-            done += len(numbers)
-            report(Progress(done, count, failed))
-    return failed
+    _claim(folder, draws)
+    jobs = [range(first, min(first + SHARD, count)) for first in range(0, count, SHARD)]
+    there = [job for job in jobs if _is_complete(_path(folder, job), len(job))]
+    counts = _Counts(count, report, sum(map(len, there)), sum(_failures(_path(folder, job)) for job in there))
+    todo = [job for job in jobs if job not in there]
+    for job, content in _executed(draws, todo, workers, timeout_s, counts, executor, address):
+        shards.write_whole(_path(folder, job), content)
+    counts.add(0, 0)
+    return counts.failed
 
 
 class Store:
@@ -97,36 +87,44 @@ class Store:
                 "build it again with `dipcg dataset build`."
             )
 
-    @property
-    def shards(self) -> list[Path]:
-        return sorted(self.folder.glob("shard-*.parquet"))
-
     def table(self, columns: list[str] | None = None) -> pa.Table:
         """All rows as an Arrow table, memory-mapped."""
-        if not self.shards:
-            raise ValueError(f"{self.folder} has no finished shard yet; run `dipcg dataset build`.")
-        return pa.concat_tables([_read_shard(path, columns) for path in self.shards])
+        return pa.concat_tables([shards.read(path, columns) for path in self._finished()])
 
     def summary(self) -> dict[str, Any]:
-        """Counts, failures by reason with the first of each, and sizes."""
-        table = self.table(["number", "failure"])
-        failures = [_parse_failure(told) for told in table["failure"].to_pylist() if told]
-        reasons = [reason for reason, _ in failures]
+        """Counts, failures by reason with the first of each, sizes, and a histogram of each parameter where active."""
+        table = self.table([NUMBER, FAILURE, *self.space.names])
+        failures = [shards.parse_failure(told) for told in table[FAILURE].to_pylist() if told]
+        reasons = Counter(reason for reason, _ in failures)
         return {
             "generator": self.info["generator"],
             "seed": self.info["seed"],
+            "drawing": self.info["drawing"],
             "samples": table.num_rows,
-            "failed": {reason: reasons.count(reason) for reason in sorted(set(reasons))},
+            "failed": dict(sorted(reasons.items())),
             "first_failed": dict(reversed(failures)),
-            "splits": {s: sum(in_split(n, s) for n in table["number"].to_pylist()) for s in SPLITS},
-            "bytes": sum(path.stat().st_size for path in self.shards),
+            "splits": {s: sum(in_split(n, s) for n in table[NUMBER].to_pylist()) for s in SPLITS},
+            "bytes": sum(path.stat().st_size for path in self._finished()),
+            "parameters": {p.name: _histogram(p, _where_active(p.name, self.space, table)) for p in self.space},
         }
 
     def samples(self, split: str | None = None) -> Iterator[Sample]:
         """The rows of a split (train, validation or test; None for all), meshes decoded; failures have no mesh."""
-        for row in self.table().to_pylist():
-            if split is None or in_split(row["number"], split):
-                yield _from_row(row, self.space)
+        for row in self.rows(split):
+            yield shards.from_row(row, self.space)
+
+    def rows(self, split: str | None = None) -> Iterator[dict[str, Any]]:
+        """The rows of a split as they are stored, shard by shard."""
+        for path in self._finished():
+            for row in shards.read(path).to_pylist():
+                if split is None or in_split(row[NUMBER], split):
+                    yield row
+
+    def _finished(self) -> list[Path]:
+        found = sorted(self.folder.glob("shard-*.parquet"))
+        if not found:
+            raise ValueError(f"{self.folder} has no finished shard yet; run `dipcg dataset build`.")
+        return found
 
 
 def in_split(number: int, split: str) -> bool:
@@ -135,104 +133,119 @@ def in_split(number: int, split: str) -> bool:
     return low <= number % 20 < high
 
 
-def sample_params(space: ParameterSpace, seed: int, number: int) -> Params:
-    """The parameters of one sample: a function of the seed and its number alone."""
-    return space.sample(np.random.default_rng([seed, number]))
+def build_shard(generator: Generator, draws: Draws, job: range, built: Iterable[Timed]) -> bytes:
+    """The content of a shard from what the workers made; raises BuildError when they could not start."""
+    parameters = zip(job, draws.params(job), built, strict=False)  # `built` may go on with the next shard
+    return shards.pack([_sample(number, draws.seed, p, *outcome) for number, p, outcome in parameters], generator)
 
 
-def _build_shard(pool: BuildPool, generator: Generator, seed: int, numbers: range) -> list[Sample]:
-    many = [sample_params(generator.space, seed, number) for number in numbers]
-    started = [time.perf_counter()]
-    samples = []
-    for number, params, built in zip(numbers, many, pool.map(many, "light"), strict=True):
-        started.append(time.perf_counter())
-        seconds = started[-1] - started[-2]
-        samples.append(_sample(number, params, built, seconds))
-    return samples
+def _executed(
+    draws: Draws,
+    todo: list[range],
+    workers: int,
+    timeout_s: float,
+    counts: _Counts,
+    executor: Executor,
+    address: str | None,
+) -> Iterator[tuple[range, bytes]]:
+    """The missing shards, in the order in which they are ready."""
+    if executor == "local":
+        yield from _locally(draws, todo, workers, timeout_s, counts)
+    elif todo:
+        from dipcg.cluster import on_ray
+
+        for job, content, failed in on_ray(draws, todo, timeout_s, address):
+            yield job, content
+            counts.add(len(job), failed)
 
 
-def _sample(number: int, params: Params, built: Mesh | BuildError, seconds: float) -> Sample:
+def _locally(
+    draws: Draws, todo: list[range], workers: int, timeout_s: float, counts: _Counts
+) -> Iterator[tuple[range, bytes]]:
+    generator = draws.generator
+    with BuildPool(draws.ref, workers, timeout_s) as pool:  # one stream of builds: no worker waits for a shard's end
+        params = chain.from_iterable(draws.params(job) for job in todo)
+        built = counts.watch(pool.timed(params, "light"))
+        for job in todo:
+            yield job, build_shard(generator, draws, job, built)
+
+
+class _Counts:
+    """Counts what is done and tells it."""
+
+    def __init__(self, total: int, report: Callable[[Progress], None], done: int, failed: int) -> None:
+        self.total, self.report, self.found, self.done, self.failed = total, report, done, done, failed
+
+    def add(self, done: int, failed: int) -> None:
+        self.done, self.failed = self.done + done, self.failed + failed
+        self.report(Progress(self.done, self.total, self.failed, self.done - self.found))
+
+    def watch(self, built: Iterable[Timed]) -> Iterator[Timed]:
+        for outcome in built:
+            self.add(1, isinstance(outcome[0], BuildError))
+            yield outcome
+
+
+def _sample(number: int, seed: int, params: dict, built: Mesh | BuildError, seconds: float | None) -> Sample:
     if not isinstance(built, BuildError):
-        return Sample(number, params, built, seconds, None)
+        return Sample(number, seed, params, built, seconds)
     if built.reason == "start":
         raise built
-    return Sample(number, params, None, seconds, built.reason, str(built))
+    return Sample(number, seed, params, None, None, built.reason, str(built))
 
 
-def _write(path: Path, samples: list[Sample], generator: Generator) -> None:
-    unfinished = path.with_suffix(f".{os.getpid()}.tmp")
-    pq.write_table(
-        pa.Table.from_pylist([_to_row(s) for s in samples], _schema(generator)), unfinished, compression="zstd"
-    )
-    unfinished.replace(path)
-
-
-def _schema(generator: Generator) -> pa.Schema:
-    columns = [pa.field(PREFIX + p.name, _arrow_type(p)) for p in generator.space]
-    about = [("number", pa.int64()), ("mesh", pa.binary()), ("build_s", pa.float32()), ("failure", pa.string())]
-    return pa.schema([*columns, *about], metadata={"dipcg": json.dumps(_info(generator, None))})
-
-
-def _arrow_type(parameter: Any) -> pa.DataType:
-    value = parameter.options[0] if isinstance(parameter, Choice) else 0.0
-    return {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}[type(value)]
-
-
-def _to_row(sample: Sample) -> dict[str, Any]:
-    mesh = encode_mesh(sample.mesh) if sample.mesh else None
-    failure = f"{sample.failure}: {sample.sentence}" if sample.failure else None
-    about = {"number": sample.number, "mesh": mesh, "build_s": sample.build_s, "failure": failure}
-    return {PREFIX + name: value for name, value in sample.params.items()} | about
-
-
-def _from_row(row: dict[str, Any], space: ParameterSpace) -> Sample:
-    params = {name: row[PREFIX + name] for name in space.names}
-    mesh = decode_mesh(row["mesh"]) if row["mesh"] else None
-    reason, sentence = _parse_failure(row["failure"] or "")
-    return Sample(row["number"], params, mesh, row["build_s"], reason or None, sentence)
-
-
-def _parse_failure(told: str) -> tuple[str, str]:
-    """The reason of a failure and its sentence, which older data sets do not have."""
-    reason, _, sentence = told.partition(": ")
-    return reason, sentence
-
-
-def _read_shard(path: Path, columns: list[str] | None = None) -> pa.Table:
-    try:
-        return pq.read_table(path, columns=columns, memory_map=True)
-    except (pa.ArrowInvalid, OSError) as error:
-        raise ValueError(f"{path} is damaged ({error}); delete it and run `dipcg dataset build` again.") from None
+def _path(folder: Path, job: range) -> Path:
+    return folder / f"shard-{job.start // SHARD:05d}.parquet"
 
 
 def _is_complete(path: Path, rows: int) -> bool:
-    return path.exists() and _read_shard(path, ["number"]).num_rows >= rows
+    return path.exists() and shards.read(path, [NUMBER]).num_rows >= rows
 
 
 def _failures(path: Path) -> int:
-    return len(_read_shard(path, ["failure"])["failure"].drop_null())
+    return len(shards.read(path, [FAILURE])[FAILURE].drop_null())
 
 
-def _info(generator: Generator, seed: int | None) -> dict[str, Any]:
-    info = {"generator": generator.name, "ref": generator.ref, "fingerprint": generator.space.fingerprint}
-    return info if seed is None else info | {"seed": seed}
+def _where_active(name: str, space: ParameterSpace, table: pa.Table) -> pa.Table:
+    """The rows in which a parameter is active: `ParameterSpace.is_active` for a whole column."""
+    active = np.ones(table.num_rows, bool)
+    for above, allowed in _conditions(name, space):
+        active &= np.isin(table[above].to_numpy(), allowed)
+    return table.filter(pa.array(active))
+
+
+def _conditions(name: str, space: ParameterSpace) -> Iterator[tuple[str, tuple]]:
+    for above, allowed in space[name].when.items():
+        yield above, allowed
+        yield from _conditions(above, space)
+
+
+def _histogram(parameter: Parameter, table: pa.Table) -> dict[str, int] | list[int]:
+    """How often each option, or how many values in each of `BINS` equal pieces of the range."""
+    if isinstance(parameter, Real):
+        values = table[parameter.name].to_numpy()
+        return np.histogram(values, BINS, (parameter.low, parameter.high))[0].tolist()
+    found = Counter(table[parameter.name].to_pylist())
+    return {str(option): found[option] for option in parameter.options}
 
 
 def _read_info(folder: Path) -> dict[str, Any]:
     try:
         info = json.loads((folder / "dataset.json").read_text())
-        return {key: info[key] for key in ("generator", "ref", "fingerprint", "seed")}
+        return {key: info[key] for key in ("generator", "ref", "fingerprint", "seed", "drawing")}
     except (OSError, ValueError, KeyError, TypeError):
         raise ValueError(f"{folder} is not a data set: it has no readable dataset.json.") from None
 
 
-def _claim(folder: Path, generator: Generator, seed: int) -> None:
+def _claim(folder: Path, draws: Draws) -> None:
     """Make the folder this data set's own, or refuse one that is another's."""
+    generator, ours = draws.generator, draws.describe()
+    generator.check_installed()
     folder.mkdir(parents=True, exist_ok=True)
-    path, ours = folder / "dataset.json", _info(generator, seed)
-    if path.exists() and (theirs := _read_info(folder)) != ours:
+    path = folder / "dataset.json"
+    if not path.exists():
+        return shards.write_whole(path, json.dumps(ours, indent=1).encode())
+    if (theirs := _read_info(folder)) != ours:
         changed = ", ".join(key for key in ours if theirs.get(key) != ours[key])
         raise ValueError(f"{folder} already holds another data set (different {changed}); choose another folder.")
-    unfinished = path.with_suffix(f".{os.getpid()}.tmp")
-    unfinished.write_text(json.dumps(ours, indent=1))
-    unfinished.replace(path)
+    return None

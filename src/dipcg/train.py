@@ -21,9 +21,10 @@ from torch import Tensor
 from dipcg.checkpoint import save_checkpoint
 from dipcg.config import ModelConfig, TrainConfig
 from dipcg.dataset import Batch, Pictures, Shapes, load_shapes, loader
-from dipcg.denoiser import Estimator
 from dipcg.diffusion import denoising_loss, guess_loss, with_view
+from dipcg.estimators import AnyEstimator, PaperEstimator, build_estimator
 from dipcg.generators import Generator
+from dipcg.recipes import published_views
 from dipcg.validate import Validation, validate
 
 VALIDATE_EVERY_S = 120.0
@@ -49,14 +50,14 @@ def train(
     config: TrainConfig,
     model_config: ModelConfig,
     report: Callable[[Status], None] = lambda status: None,
-) -> Estimator:
+) -> AnyEstimator:
     """Train on a data set until `config.minutes` are over and write the best weights to `out`; resumes a killed run.
 
     Raises ValueError when the data set is unusable or `out` holds another run.
     """
     torch.manual_seed(config.seed)
     generator, shapes = load_shapes(data, "train")
-    run = Run(Estimator(generator.space, model_config), config, Path(out), generator)
+    run = Run(build_estimator(generator.space, model_config), config, Path(out), generator)
     checks = _validation_batch(data, run.model, config.seed)
     batches = iter(loader(_pictures(generator, shapes, run.model, config), config.workers))
     with _processors_left_by(config.workers):
@@ -79,11 +80,11 @@ def _processors_left_by(workers: int) -> Iterator[None]:
 class Run:
     """The state of one training: weights, their average, the optimiser, the clock."""
 
-    def __init__(self, model: Estimator, config: TrainConfig, out: Path, generator: Generator) -> None:
+    def __init__(self, model: AnyEstimator, config: TrainConfig, out: Path, generator: Generator) -> None:
         self.config, self.out, self.generator = config, out, generator
         self.device = choose_device(config.device)
         self.model = model.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-        self.averaged = Estimator(generator.space, model.config).to(self.device)
+        self.averaged = build_estimator(generator.space, model.config).to(self.device)
         self.averaged.load_state_dict(self.model.state_dict())
         self.optimiser = torch.optim.AdamW(
             self.model.parameters(), 1e-3, (0.9, 0.98), weight_decay=config.weight_decay, fused=True
@@ -139,6 +140,8 @@ class Run:
         active = with_view(batch.active)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=has_bfloat16(self.device)):
             features = self.model.encoder(images.contiguous(memory_format=torch.channels_last))
+            if isinstance(self.model, PaperEstimator):
+                return self.model.loss(features, batch.x)
             guess = self.model.first_guess(features)
             loss = guess_loss(self.model, guess, batch.x, active)
             if self.share < self.config.denoiser_from:
@@ -151,6 +154,8 @@ class Run:
     def _set_rate(self) -> None:
         warm = min(1.0, self.share / 0.02)
         rate = self.config.learning_rate * warm * (0.01 + 0.99 * (1 + math.cos(math.pi * self.share)) / 2)
+        if self.config.schedule == "constant":
+            rate = self.config.learning_rate
         for group in self.optimiser.param_groups:
             group["lr"] = rate
 
@@ -179,7 +184,7 @@ class Run:
         if not (self.out / "state.json").is_file():
             return
         clock = json.loads((self.out / "state.json").read_text())
-        if clock.pop("model") != asdict(self.model.config):
+        if ModelConfig(**clock.pop("model")) != self.model.config:
             raise ValueError(f"{self.out} holds a run of another model; choose another folder or delete it.")
         tensors = load_file(self.out / "state.safetensors", device=str(self.device))
         self.model.load_state_dict(_under("model.", tensors))
@@ -200,12 +205,14 @@ def has_bfloat16(device: torch.device) -> bool:
     return torch.cpu._is_avx512_bf16_supported()
 
 
-def _pictures(generator: Generator, shapes: Shapes, model: Estimator, config: TrainConfig) -> Pictures:
+def _pictures(generator: Generator, shapes: Shapes, model: AnyEstimator, config: TrainConfig) -> Pictures:
     size = int(model.encoder.image_size)  # type: ignore[arg-type]
-    return Pictures(generator, shapes, size, config.batch, config.repeats, config.seed)
+    if config.views == "grid":
+        generator = replace(generator, views=published_views(generator.name))
+    return Pictures(generator, shapes, size, config.batch, config.repeats, config.seed, config.augment)
 
 
-def _validation_batch(data: str | Path, model: Estimator, seed: int) -> Batch:
+def _validation_batch(data: str | Path, model: AnyEstimator, seed: int) -> Batch:
     """The same pictures of unseen shapes for every run, under the conditions of training."""
     generator, shapes = load_shapes(data, "validation")
     config = replace(TrainConfig(), batch=VALIDATION_PICTURES, repeats=1, seed=seed + 1)

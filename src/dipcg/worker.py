@@ -14,6 +14,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -38,6 +39,9 @@ class BuildError(RuntimeError):
         self.reason = reason
 
 
+Timed = tuple[Mesh | BuildError, float | None]  # what became of one sample, and the seconds that its worker took
+
+
 class BuildPool:
     """`workers` child processes that build meshes of one generator; use as a context manager.
 
@@ -60,16 +64,20 @@ class BuildPool:
 
     def submit(self, params: Params, detail: Detail = "full") -> Future[Mesh]:
         """Start one build; the future's result is the mesh or a BuildError."""
-        return self._threads.submit(self._build, params, detail)
+        return self._threads.submit(lambda: self._build(params, detail)[0])
 
     def map(self, many: Iterable[Params], detail: Detail = "light") -> Iterator[Mesh | BuildError]:
         """Build many in parallel, in order; a failed one gives its error in its place.
 
         Only a few are read and built ahead of what has been taken, so `many` may be endless.
         """
-        ahead: deque[Future[Mesh]] = deque()
+        return (outcome for outcome, _ in self.timed(many, detail))
+
+    def timed(self, many: Iterable[Params], detail: Detail = "light") -> Iterator[Timed]:
+        """As `map`, each with the seconds that its worker took, None for a failed one."""
+        ahead: deque[Future[tuple[Mesh, float]]] = deque()
         for params in many:
-            ahead.append(self.submit(params, detail))
+            ahead.append(self._threads.submit(self._build, params, detail))
             if len(ahead) > AHEAD * self._workers:
                 yield _outcome(ahead.popleft())
         while ahead:
@@ -95,10 +103,13 @@ class BuildPool:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _build(self, params: Params, detail: Detail) -> Mesh:
+    def _build(self, params: Params, detail: Detail) -> tuple[Mesh, float]:
         child = self._child()
         try:
+            child.start()
+            started = time.perf_counter()
             mesh = child.ask(params, detail, self.timeout_s)
+            seconds = time.perf_counter() - started
         except BuildError as error:
             if error.reason not in ("raised", "unusable"):
                 self._discard(child)
@@ -106,7 +117,7 @@ class BuildPool:
             raise BuildError(error.reason, f"{error} `dipcg edit` builds it again from a file with: {asked}") from None
         if child.builds >= self.generator.recycle_after:
             self._discard(child)
-        return mesh
+        return mesh, seconds
 
     def _child(self) -> _Child:
         if getattr(self._local, "child", None) is None:
@@ -138,10 +149,12 @@ class _Child:
                 start_new_session=True,  # Ctrl-C in the terminal reaches the caller alone, who then stops us
             )
 
-    def ask(self, params: Params, detail: Detail, timeout_s: float) -> Mesh:
+    def start(self) -> None:
         if not self._ready:
             self._receive(START_TIMEOUT_S, "start")
             self._ready = True
+
+    def ask(self, params: Params, detail: Detail, timeout_s: float) -> Mesh:
         self._send((params, detail))
         self.builds += 1
         return self._receive(timeout_s, "timeout")
@@ -174,11 +187,11 @@ class _Child:
             return self._process.wait()
 
 
-def _outcome(future: Future[Mesh]) -> Mesh | BuildError:
+def _outcome(future: Future[tuple[Mesh, float]]) -> Timed:
     try:
         return future.result()
     except BuildError as error:
-        return error
+        return error, None
 
 
 def _die_with_parent() -> None:

@@ -1,0 +1,24 @@
+"""What training pictures look like: `python -m benchmarks.augmentation DATA SHEET.png`, a row for each shape."""
+
+import sys
+
+import numpy as np
+
+from dipcg.config import AugmentConfig
+from dipcg.dataset import Pictures, load_shapes
+from dipcg.images import save_image
+from dipcg.preview import in_rows
+
+SIDE, COLUMNS, ROWS = 128, 12, 5
+
+
+def main(data: str, sheet: str) -> None:
+    generator, shapes = load_shapes(data, "train")
+    pictures = Pictures(generator, shapes, SIDE, COLUMNS * ROWS, config=AugmentConfig(), seed=1)
+    images = next(iter(pictures)).images.permute(0, 2, 3, 1).numpy()
+    save_image(in_rows(list(np.ascontiguousarray(images)), COLUMNS), sheet)
+    print(f"Wrote {sheet}: {len(images)} pictures, none of them chosen.")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

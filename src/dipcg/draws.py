@@ -1,0 +1,56 @@
+"""Which parameters a data set holds: a function of its seed, the way of drawing, and the number of the sample alone."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from dipcg.generators import Generator, load_generator
+from dipcg.space import ParameterSpace, Params
+
+Drawing = Literal["uniform", "sobol"]
+
+
+@dataclass(frozen=True)
+class Draws:
+    """The samples of a data set before they are built.
+
+    With `sobol` they are the points of a scrambled Sobol sequence (Owen 1998), which cover the space more evenly than
+    independent ones; that helps with few samples, say below ten thousand.
+    """
+
+    ref: str
+    """of the generator, as generators.load_generator reads it"""
+    seed: int = 0
+    drawing: Drawing = "uniform"
+
+    @property
+    def generator(self) -> Generator:
+        return load_generator(self.ref)
+
+    def params(self, numbers: range) -> list[Params]:
+        """The parameters of consecutive samples."""
+        space = self.generator.space
+        if self.drawing == "sobol":
+            return [space.decode(2 * u - 1) for u in _sobol(space, self.seed, numbers)]
+        return [space.sample(np.random.default_rng([self.seed, number])) for number in numbers]
+
+    def describe(self) -> dict[str, Any]:
+        """What tells one data set from another, as plain values."""
+        generator = self.generator
+        return {"generator": generator.name, "fingerprint": generator.space.fingerprint, **asdict(self)}
+
+
+def _sobol(space: ParameterSpace, seed: int, numbers: range) -> np.ndarray:
+    import warnings
+
+    from scipy.stats import qmc
+
+    points = qmc.Sobol(len(space), rng=seed)
+    if numbers.start:
+        points.fast_forward(numbers.start)
+    with warnings.catch_warnings():  # of a number that is no power of two: the data set may grow to one
+        warnings.simplefilter("ignore", UserWarning)
+        return points.random(len(numbers))
