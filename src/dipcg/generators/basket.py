@@ -65,10 +65,16 @@ space = ParameterSpace(
     Real("hole_size", 0.007, 0.02, unit="m", doc="side of a hole", group="holes", when=_HOLES),
 )
 views = ViewRange(azimuth_deg=(-90, 90), elevation_deg=(0, 60))  # every side there is
+_CORNER = ViewRange(azimuth_deg=(-45, 45), elevation_deg=(0, 60))
 needs = ("infinigen", "bpy", "manifold3d")
 recycle_after = 1000
 
 _MODULE = "infinigen.assets.objects.organizer.basket"
+
+
+def views_of(params: Params) -> ViewRange:
+    """Without handles, another basket with width and depth exchanged looks the same after a quarter turn."""
+    return views if params["has_handle"] else _CORNER
 
 
 @functools.cache

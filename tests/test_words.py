@@ -1,0 +1,76 @@
+"""Words: captions say what is true of an asset, and the tokens of a sentence do not depend on what is read with it."""
+
+import numpy as np
+import pytest
+import torch
+
+from dipcg import registry
+from dipcg.captions import FOLDER, caption, load_words, says
+from dipcg.generators import load_generator
+from dipcg.space import Choice
+
+DESCRIBED = sorted(path.stem for path in FOLDER.glob("*.toml"))
+
+
+@pytest.mark.parametrize("name", registry.names("generators"))
+def test_words_belong_to_parameters_and_their_options(name):
+    generator = load_generator(name)
+    nouns, phrases = load_words(generator)
+    assert nouns
+    for parameter, by_value in phrases.items():
+        declared = generator.space[parameter]
+        options = set(map(str, declared.options)) if isinstance(declared, Choice) else {"low", "high"}
+        assert set(by_value) <= options
+        assert all(said and not said[0].isupper() for phrase in by_value.values() for said in phrase)
+
+
+@pytest.mark.parametrize("name", registry.names("generators"))
+def test_no_phrase_stands_for_two_values_of_a_parameter(name):
+    for by_value in load_words(load_generator(name))[1].values():
+        said = [phrase for phrases in by_value.values() for phrase in phrases]
+        assert len(said) == len(set(said))
+
+
+@pytest.mark.parametrize("name", DESCRIBED)
+def test_a_caption_says_only_what_is_true(name):
+    generator, rng = load_generator(name), np.random.default_rng(0)
+    _, phrases = load_words(generator)
+    for _ in range(50):
+        params = generator.space.sample(rng)
+        words = caption(generator, params, rng)
+        for parameter in generator.space:
+            told = says(parameter, params[parameter.name])
+            active = generator.space.is_active(parameter.name, params)
+            others = [v for v in phrases.get(parameter.name, {}) if v != told or not active]
+            wrong = {phrase for value in others for phrase in phrases[parameter.name][value]}
+            assert not wrong & set(_pieces(words, phrases)), words
+
+
+def _pieces(words: str, phrases) -> list[str]:
+    """The phrases that a caption is made of: the longest that fit, since one may be the beginning of another."""
+    known = sorted({p for by_value in phrases.values() for many in by_value.values() for p in many}, key=len)
+    found = []
+    for phrase in reversed(known):
+        if f" {phrase} " in f" {words.replace(',', ' ,')} ".replace(" ,", " "):
+            found.append(phrase)
+            words = words.replace(phrase, "|")
+    return found
+
+
+def test_captions_of_one_asset_differ_and_the_same_seed_gives_the_same():
+    chair = load_generator("chair")
+    params = chair.space.sample(np.random.default_rng(0))
+    said = {caption(chair, params, np.random.default_rng(seed)) for seed in range(20)}
+    assert len(said) > 15
+    assert caption(chair, params, np.random.default_rng(3)) == caption(chair, params, np.random.default_rng(3))
+
+
+def test_tokens_do_not_depend_on_the_other_sentences_and_are_zero_after_the_end():
+    sentence = pytest.importorskip("dipcg.encoders.sentence")
+    alone = sentence.embed(["a tall chair"])
+    beside = sentence.embed(["a tall chair", "a chair with a ladder back and arms that are thick and low"])
+    torch.testing.assert_close(beside[:1], alone, atol=1e-4, rtol=1e-3)
+    length = sentence.count_tokens("a tall chair")
+    assert (alone[0, length:] == 0).all()
+    assert alone[0, :length].abs().sum(1).min() > 1
+    assert sentence.embed(["chair " * 500]).shape == (1, sentence.LENGTH, sentence.CHANNELS)
