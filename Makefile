@@ -4,15 +4,19 @@
 #   EXTRAS=app,dev     which optional parts to install          PYTHON=/path/to/python3.11
 SHELL := /bin/bash
 VENV ?= .venv
-EXTRAS ?= infinigen,app,train,cluster,foundation,dev
+EXTRAS ?= infinigen,app,usd,train,cluster,words,foundation,dev
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := $(VENV)/bin
 comma := ,
 INSTALLED := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 
 # Blender's module and OpenGL without a window link to these; scikit-image and meshoptimizer are compiled here.
+# Tests of the web app drive Chromium.
 PACKAGES := libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri libxrender1 libxi6 libxkbcommon0 libsm6 libice6 libxxf86vm1 \
             libxfixes3 g++
+ifneq ($(filter dev,$(subst $(comma), ,$(EXTRAS))),)
+PACKAGES += chromium
+endif
 HEADERS := import os, sysconfig; raise SystemExit(not os.path.exists(sysconfig.get_path("include") + "/Python.h"))
 SUPPORTED := import sys; raise SystemExit(sys.version_info < (3, 11))
 

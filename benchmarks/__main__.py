@@ -3,7 +3,9 @@
 import importlib
 import sys
 
-NAMES = ("render", "builds", "holes", "sustained", "speed", "training", "accuracy")
+NAMES = ("render", "builds", "holes", "sustained", "speed", "training", "accuracy", "visitors")
+NAMES += ("recipe_speed", "versus", "ablation")
+NAMES += ("calibration", "choosing", "recognition")
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or NAMES:

@@ -2,7 +2,7 @@
 
 `sentences.toml` was written without a look at the grammar that training captions come from. An asked-for option
 has to be the one in the estimate, and active; a real asked to be high or low, in that half of its range. Beside it a
-random asset. RUNS is a folder with a checkpoint NAME-words for each generator; the shipped ones when left out.
+random asset. RUNS is a folder with a checkpoint for each generator; the shipped ones when left out.
 """
 
 import sys
@@ -15,18 +15,18 @@ import numpy as np
 from benchmarks.timing import header, row
 from dipcg.pipeline import Inverter
 from dipcg.space import Choice, ParameterSpace, Params
-from dipcg.weights import SHIPPED
+from dipcg.weights import WORDS
 
 SENTENCES = Path(__file__).with_name("sentences.toml")
 
 
-def main(runs: str = str(SHIPPED)) -> None:
+def main(runs: str = str(WORDS)) -> None:
     header("generator", "sentences", "choices asked, true", "by chance", "highs and lows asked, true", "by chance")
     totals = np.zeros((2, 2, 2))
     for name, sentences in tomllib.loads(SENTENCES.read_text()).items():
-        folder = Path(runs) / f"{name}-words"
+        folder = Path(runs) / name
         if not folder.is_dir():
-            print(f"{name} is skipped: there is no {folder.name} in {Path(runs).name}.")
+            print(f"{name} is skipped: there is no checkpoint in {Path(runs).name}.")
             continue
         found = _measured(str(folder), sentences)
         totals += found

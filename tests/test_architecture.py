@@ -17,26 +17,16 @@ README = ROOT / "README.md"
 
 # A file may import its own layer and those above it in this list.
 LAYERS = [
-    ["space", "mesh", "camera", "images", "registry", "config", "recipes"],
-    ["generators", "adopt", "codec", "worker", "draws", "shards", "store", "cluster", "render", "augment", "locks", "compare", "mcmc"],
-    [
-        "encoders",
-        "denoiser",
-        "ddpm",
-        "dit",
-        "estimators",
-        "diffusion",
-        "sampling",
-        "dataset",
-        "validate",
-        "train",
-        "tracking",
-        "weights",
-        "checkpoint",
-    ]
-    + ["rank", "refine", "recognise", "pipeline", "metrics", "evaluate", "export", "preview"],
-    ["cli", "cli_assets", "cli_estimate", "cli_generators", "cli_learning", "app", "doctor", "listing", "terminal"]
-    + ["__main__", "__init__"],
+    ["space", "mesh", "surface", "camera", "images", "registry", "config", "recipes", "spread"],
+    ["generators", "adopt", "codec", "worker", "blender", "draws", "shards", "store", "cluster", "render", "augment"]
+    + ["captions", "locks", "compare", "mcmc", "trace"],
+    ["encoders", "denoiser", "ddpm", "dit", "estimators", "diffusion", "sampling", "dataset", "telling", "validate"]
+    + ["train", "tracking", "weights", "checkpoint", "rank", "refine", "recognise", "pipeline", "metrics", "evaluate"]
+    + ["export", "export_gltf", "export_usd", "export_blend", "bake", "batch", "preview"]
+    + ["nearest", "topology", "foreign", "published"],
+    ["cli", "cli_assets", "cli_estimate", "cli_generators", "cli_learning", "cli_mcmc", "cli_meshes", "cli_import"]
+    + ["cli_app", "app", "app_actions", "app_api", "app_cutout", "app_limits", "app_page", "app_parameters"]
+    + ["app_studio", "app_viewer", "app_work", "doctor", "listing", "terminal", "__main__", "__init__"],
 ]
 TORCH_FREE = {*LAYERS[0], *LAYERS[1], *LAYERS[3]}
 FORBIDDEN_NAMES = {"utils", "core", "common", "helpers", "base"}

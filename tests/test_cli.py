@@ -52,7 +52,7 @@ def picture() -> Path:
 def no_builds(monkeypatch) -> Iterator[None]:
     """What is refused must be refused before a worker is started."""
     started: list[str] = []
-    monkeypatch.setattr(worker._Child, "__init__", lambda _, ref: started.append(ref))
+    monkeypatch.setattr(worker.Child, "__init__", lambda _, ref: started.append(ref))
     yield
     assert started == []
 
@@ -112,6 +112,24 @@ def test_a_wrong_setting_is_named(capsys, untrained, picture, no_builds, setting
     assert sentence(capsys, "edit", "box.json", "-o", "a.glb", "--set", setting) == expected
     assert sentence(capsys, "estimate", picture, "-g", untrained, "-o", "a.glb", "--keep", setting) == expected
     assert not Path("a.glb").exists()
+
+
+def test_two_values_for_one_parameter_are_refused(capsys, untrained, picture, no_builds):
+    words = ["-o", "a.glb", "--keep", "top=open", "--keep", "top=flat"]
+    expected = "top is given twice, as open and as flat; give it once."
+    assert sentence(capsys, "estimate", picture, "-g", untrained, *words) == expected
+
+
+def test_what_would_do_nothing_cannot_be_held(capsys, untrained, picture, no_builds):
+    words = ["-o", "a.glb", "--keep", "top=flat", "lid_height=0.2"]
+    expected = "lid_height does nothing when top is flat; hold only one of the two, or top at pyramid."
+    assert sentence(capsys, "estimate", picture, "-g", untrained, *words) == expected
+
+
+@pytest.mark.parametrize("seconds", ["0", "-3", "nan"])
+def test_a_search_needs_time(capsys, untrained, picture, no_builds, seconds):
+    said = sentence(capsys, "estimate", picture, "-g", untrained, "-o", "a.glb", "--refine", seconds)
+    assert said == f"--refine takes the seconds to search, more than 0, got {seconds}."
 
 
 def test_settings_may_share_a_flag_or_have_one_each(capsys):
@@ -211,7 +229,7 @@ def test_numbers_below_one_are_refused(capsys, untrained, picture, flag):
 @pytest.mark.parametrize(
     ("output", "expected"),
     [
-        ("a.fbx", "a.fbx has no known ending; use one of .glb, .gltf, .obj, .ply, .stl."),
+        ("a.fbx", "a.fbx has no known ending; use one of .glb, .gltf, .obj, .ply, .stl, .usdz"),
         ("a", "a has no known ending"),
         ("no/such/a.glb", "The folder no/such does not exist; make it first"),
         ("folder.glb", "folder.glb cannot be written (Is a directory)."),

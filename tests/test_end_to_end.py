@@ -21,6 +21,7 @@ from dipcg.cli import main
 from dipcg.generators import load_generator
 from dipcg.images import MARGIN, save_image
 from dipcg.pipeline import Inverter
+from dipcg.rank import rank
 from dipcg.render import Renderer
 from dipcg.store import Store
 
@@ -89,7 +90,7 @@ def test_a_data_set_says_what_it_holds(data):
     found = json.loads(succeed("dataset", "info", data, "--json"))
     assert (found["generator"], found["samples"], found["failed"]) == ("box", COUNT, {})
     assert found["splits"] == {"train": 54, "validation": 3, "test": 3}
-    assert "samples      60" in succeed("dataset", "info", data)
+    assert "samples       60" in succeed("dataset", "info", data)
 
 
 def test_a_contact_sheet_has_a_tile_for_every_shape(data, tmp_path):
@@ -212,7 +213,7 @@ def test_a_bad_picture_among_others_does_not_lose_them(trained, pictures, tmp_pa
 
 
 def test_kept_values_are_held_in_every_candidate(trained, pictures, tmp_path):
-    words = [pictures[0], "-g", trained, "-o", tmp_path / "a.glb", "--candidates", 8, "--steps", 2]
+    words = [pictures[0], "-g", trained, "-o", tmp_path / "a.glb", "--candidates", 8, "--steps", 2, "--no-rank"]
     (found,) = estimated(*words, "--keep", "width=0.35", "top=pyramid", "--keep", "has_legs=yes")
     for candidate in found["candidates"]:
         assert {name: candidate["params"][name] for name in ("width", "top", "has_legs")} == {
@@ -234,7 +235,7 @@ def test_python_and_the_command_line_say_the_same(trained, pictures, tmp_path):
     words = [pictures[0], "-g", trained, "-o", tmp_path / "a.glb", "--candidates", 4, "--steps", 2]
     (typed,) = estimated(*words)
     with Inverter.load(str(trained)) as inverter:
-        estimate = inverter.estimate(pictures[0], candidates=4, steps=2)
+        estimate = rank(inverter.estimate(pictures[0], candidates=4, steps=2))
         asset = estimate.build()
     assert [candidate.params for candidate in estimate.candidates] == [c["params"] for c in typed["candidates"]]
     assert estimate.params == asset.params == typed["candidates"][0]["params"]

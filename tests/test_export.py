@@ -2,23 +2,27 @@
 
 import json
 import os
+import shutil
 import struct
+import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 
-from dipcg.export import FORMATS, Asset, ExportError, check_target
+from dipcg.export import TEXTURED, USD, Asset, ExportError, check_faces, check_target, check_texture
 from dipcg.generators import load_generator
 from dipcg.mesh import Mesh, make_mesh
 from dipcg.render import PALETTE
 from dipcg.space import params_from_json
+from dipcg.surface import Maps, corner_normals
 from dipcg.worker import BuildPool
 
 GLTF_FROM_OURS = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # glTF: Y up, the front towards +Z
 
-every_format = pytest.mark.parametrize("suffix", FORMATS)
+every_format = pytest.mark.parametrize("suffix", [".glb", ".gltf", ".obj", ".ply", ".stl"])  # that trimesh reads
+every_usd = pytest.mark.parametrize("suffix", USD)
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +79,8 @@ def test_a_glb_has_a_named_geometry_and_material_for_each_part(asset, tmp_path):
         material = document["materials"][mesh["primitives"][0]["material"]]
         assert material["name"] == mesh["name"]
         colour = PALETTE[asset.mesh.part_names.index(mesh["name"])]
-        np.testing.assert_allclose(material["pbrMetallicRoughness"]["baseColorFactor"], [*colour, 1], atol=1 / 255)
+        light = np.where(colour > 0.04045, ((colour + 0.055) / 1.055) ** 2.4, colour / 12.92)  # glTF: linear
+        np.testing.assert_allclose(material["pbrMetallicRoughness"]["baseColorFactor"], [*light, 1], atol=1e-6)
 
 
 def test_parts_keep_their_places_in_a_glb(asset, tmp_path):
@@ -87,7 +92,7 @@ def test_parts_keep_their_places_in_a_glb(asset, tmp_path):
         np.testing.assert_allclose(placed.bounds, [points.min(0), points.max(0)], atol=1e-6)
 
 
-@every_format
+@pytest.mark.parametrize("suffix", [".glb", ".gltf", ".obj"])  # those with normals; the others keep solids closed
 def test_no_face_without_area_is_written(tmp_path, suffix):
     vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0], [0, 0, 1]]
     mesh = make_mesh(vertices, [[0, 1, 2], [0, 1, 3], [0, 0, 4], [0, 2, 4]])
@@ -109,6 +114,178 @@ def test_assets_of_one_folder_do_not_share_files(asset, tmp_path, suffix):
 def test_saved_parameters_are_those_of_the_asset(asset, tmp_path):
     text = asset.save_params(tmp_path / "a.json").read_text()
     assert params_from_json(text) == ("box", asset.params)
+
+
+# Normals
+
+
+def test_normals_of_a_fine_sphere_point_away_from_its_centre():
+    sphere = trimesh.creation.icosphere(subdivisions=4)
+    mesh = make_mesh(sphere.vertices, sphere.faces)
+    np.testing.assert_allclose(corner_normals(mesh), mesh.vertices[mesh.faces], atol=0.01)
+
+
+def test_normals_of_a_box_are_those_of_its_faces():
+    box = trimesh.creation.box()
+    normals = corner_normals(make_mesh(box.vertices, box.faces))
+    np.testing.assert_allclose(normals, np.repeat(box.face_normals[:, None], 3, axis=1), atol=1e-6)
+
+
+def test_normals_are_smooth_where_vertices_share_a_place_but_not_a_number():
+    sphere = trimesh.creation.icosphere(subdivisions=4)
+    mesh = make_mesh(sphere.triangles.reshape(-1, 3), np.arange(3 * len(sphere.faces)).reshape(-1, 3))
+    np.testing.assert_allclose(corner_normals(mesh), sphere.triangles, atol=0.01)
+
+
+def test_a_glb_has_unit_normals_that_agree_with_the_faces(asset, tmp_path):
+    for piece in trimesh.load(asset.export(tmp_path / "a.glb")).geometry.values():
+        given = piece.vertex_normals[piece.faces]
+        np.testing.assert_allclose(np.linalg.norm(given, axis=2), 1, atol=1e-5)
+        assert ((given * piece.face_normals[:, None]).sum(2) > 0.8).all()
+
+
+# Solids
+
+
+def test_a_closed_box_is_watertight_as_stl(tmp_path):
+    box = trimesh.creation.box()
+    apart = make_mesh(box.triangles.reshape(-1, 3), np.arange(3 * len(box.faces)).reshape(-1, 3))
+    assert trimesh.load(Asset(apart, "x", {}).export(tmp_path / "a.stl")).is_watertight
+
+
+def test_fewer_faces_keep_the_shape(tmp_path):
+    sphere = trimesh.creation.icosphere(subdivisions=5)
+    full = Asset(make_mesh(sphere.vertices, sphere.faces), "x", {})
+    small = full.with_faces(500)
+    assert 400 <= len(small.mesh.faces) <= 500
+    assert area(small.mesh) == pytest.approx(area(full.mesh), rel=0.03)
+    assert len(full.mesh.faces) == len(sphere.faces)
+
+
+# USD
+
+
+@every_usd
+def test_usd_is_z_up_in_metres_with_a_mesh_and_a_material_for_each_part(asset, tmp_path, suffix):
+    pxr = pytest.importorskip("pxr")
+    from pxr import Usd, UsdGeom, UsdShade
+
+    stage = Usd.Stage.Open(str(asset.export(tmp_path / f"a{suffix}")))
+    assert UsdGeom.GetStageUpAxis(stage) == "Z"
+    assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0
+    assert stage.GetDefaultPrim().GetName() == "asset", pxr
+    shapes = [UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
+    assert sorted(shape.GetPrim().GetName() for shape in shapes) == ["body", "leg", "lid"]
+    for shape in shapes:
+        name = shape.GetPrim().GetName()
+        faces = asset.mesh.faces[asset.mesh.parts == asset.mesh.part_names.index(name)]
+        points = np.array(shape.GetPointsAttr().Get())[np.array(shape.GetFaceVertexIndicesAttr().Get())]
+        np.testing.assert_allclose(points, asset.mesh.vertices[faces].reshape(-1, 3), atol=1e-6)
+        material, _ = UsdShade.MaterialBindingAPI(shape).ComputeBoundMaterial()
+        assert material.GetPath().name == name
+        assert material.ComputeSurfaceSource()[0].GetIdAttr().Get() == "UsdPreviewSurface"
+
+
+@every_usd
+def test_a_usd_file_can_be_written_twice(asset, tmp_path, suffix):
+    pytest.importorskip("pxr")
+    first = asset.export(tmp_path / f"a{suffix}").read_bytes()
+    assert asset.export(tmp_path / f"a{suffix}").read_bytes() == first
+
+
+@pytest.mark.parametrize("names", [("a part", "a-part"), ("materials", "4 legs")])
+def test_usd_finds_a_name_for_every_part(tmp_path, names):
+    pytest.importorskip("pxr")
+    from pxr import Usd, UsdGeom
+
+    mesh = make_mesh(np.eye(3), [[0, 1, 2], [2, 1, 0]], [0, 1], names)
+    stage = Usd.Stage.Open(str(Asset(mesh, "x", {}).export(tmp_path / "a.usdc")))
+    assert sum(prim.IsA(UsdGeom.Mesh) for prim in stage.Traverse()) == 2
+
+
+# Maps
+
+
+@pytest.fixture(scope="module")
+def textured(asset) -> Asset:
+    """The asset with maps in which no two numbers are alike."""
+    rng, faces = np.random.default_rng(0), len(asset.mesh.faces)
+    colours, normal = rng.integers(0, 255, (2, 8, 8, 3), dtype=np.uint8)
+    grey = rng.integers(0, 255, (2, 8, 8), dtype=np.uint8)
+    uv = rng.random((faces, 3, 2), dtype=np.float32)
+    maps = Maps(uv, corner_normals(asset.mesh), colours, grey[0], grey[1], normal)
+    return Asset(asset.mesh, asset.generator, asset.params, maps)
+
+
+def test_a_glb_holds_the_maps_and_where_each_corner_lies_on_them(textured, tmp_path):
+    scene = trimesh.load(textured.export(tmp_path / "a.glb"))
+    assert len(glb_json(tmp_path / "a.glb")["images"]) == 3
+    for part, name in enumerate(textured.mesh.part_names):
+        piece, material = scene.geometry[name], scene.geometry[name].visual.material
+        uv = textured.maps.uv[textured.mesh.parts == part]
+        np.testing.assert_allclose(piece.visual.uv[piece.faces], uv, atol=1e-6)
+        np.testing.assert_array_equal(np.array(material.baseColorTexture), textured.maps.base_colour)
+        np.testing.assert_array_equal(np.array(material.normalTexture), textured.maps.normal)
+        rough = np.array(material.metallicRoughnessTexture)
+        np.testing.assert_array_equal(rough[..., 1], textured.maps.roughness)
+        np.testing.assert_array_equal(rough[..., 2], textured.maps.metallic)
+
+
+@every_usd
+def test_usd_finds_its_maps(textured, tmp_path, suffix):
+    pytest.importorskip("pxr")
+    from pxr import Ar, Usd, UsdGeom, UsdShade
+
+    stage = Usd.Stage.Open(str(textured.export(tmp_path / f"a{suffix}")))
+    resolver, found = Ar.GetResolver(), {}
+    for prim in stage.Traverse():
+        if prim.IsA(UsdShade.Shader) and UsdShade.Shader(prim).GetIdAttr().Get() == "UsdUVTexture":
+            path = UsdShade.Shader(prim).GetInput("file").Get().resolvedPath
+            found[prim.GetName()] = bytes(resolver.OpenAsset(Ar.ResolvedPath(path)).GetBuffer())
+        if prim.IsA(UsdGeom.Mesh):
+            uv = textured.maps.uv[textured.mesh.parts == textured.mesh.part_names.index(prim.GetName())]
+            indices = np.array(UsdGeom.Mesh(prim).GetFaceVertexIndicesAttr().Get())
+            places = np.array(UsdGeom.PrimvarsAPI(prim).GetPrimvar("st").Get())
+            np.testing.assert_allclose(places[indices], uv.reshape(-1, 2), atol=1e-6)
+    assert sorted(found) == ["base_colour", "metallic", "normal", "roughness"]
+    assert all(content.startswith(b"\x89PNG") for content in found.values())
+
+
+# Khronos
+
+
+@pytest.fixture(scope="session")
+def validator() -> tuple[str, Path]:
+    """Node, and the folder of Khronos' validator, which npm fetches once."""
+    node, npm = shutil.which("node"), shutil.which("npm")
+    folder = Path.home() / ".cache/dipcg/npm"
+    if not node or not npm:
+        pytest.skip("Node and npm are not installed")
+    if not (folder / "node_modules/gltf-validator").is_dir():
+        folder.mkdir(parents=True, exist_ok=True)
+        command = [npm, "install", "--no-audit", "--no-fund", "--prefix", str(folder), "gltf-validator@2.0.0-dev.3.10"]
+        if subprocess.run(command, capture_output=True, timeout=60, check=False).returncode:
+            pytest.skip("npm cannot fetch gltf-validator")
+    return node, folder
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".gltf"])
+@pytest.mark.parametrize("kind", ["asset", "textured"])
+def test_khronos_validator_finds_nothing_wrong(validator, request, tmp_path, suffix, kind):
+    node, folder = validator
+    path = request.getfixturevalue(kind).export(tmp_path / f"a{suffix}")
+    done = subprocess.run([node, "-e", VALIDATE, str(path)], cwd=folder, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    expected = {"MESH_PRIMITIVE_GENERATED_TANGENT_SPACE"} if kind == "textured" else set()  # MikkTSpace, by all viewers
+    assert {message["code"] for message in found["issues"]["messages"]} <= expected
+    assert found["info"]["totalTriangleCount"] == len(request.getfixturevalue(kind).mesh.faces)
+
+
+VALIDATE = """
+const bytes = new Uint8Array(require("fs").readFileSync(process.argv[1]));
+require("gltf-validator").validateBytes(bytes).then((report) => console.log(JSON.stringify(report)));
+"""
 
 
 # Refused before any work
@@ -150,3 +327,32 @@ def test_an_asset_is_not_written_where_it_cannot_be(asset, tmp_path):
     with pytest.raises(ExportError, match="no known ending"):
         asset.export(tmp_path / "chair.fbx")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("suffix", "module"), [(".usdz", "pxr"), (".blend", "bpy")])
+def test_a_format_says_what_it_lacks(tmp_path, monkeypatch, suffix, module):
+    monkeypatch.setattr("dipcg.export.find_spec", lambda name: None)
+    with pytest.raises(ExportError, match=rf"\{suffix} files need the module {module}: run pip install"):
+        check_target(tmp_path / f"a{suffix}")
+
+
+def test_faces_and_maps_are_checked_before_any_work():
+    with pytest.raises(ExportError, match="4 or more, got 3"):
+        check_faces(3)
+    with pytest.raises(ExportError, match="from 16 to 8192 pixels, got 4"):
+        check_texture(4, Path("a.glb"))
+    with pytest.raises(ExportError, match=r"\.stl files hold no maps; use one of \.glb"):
+        check_texture(64, Path("a.stl"))
+    assert all(suffix in TEXTURED for suffix in (".glb", *USD))
+
+
+def test_slivers_do_not_open_a_solid(tmp_path):
+    """A box with an edge cut a micrometre from its end: two triangles have no width, and their neighbours need them."""
+    box = trimesh.creation.box()
+    start, end = box.faces[0, :2]
+    middle = box.vertices[start] + 1e-6 * (box.vertices[end] - box.vertices[start])
+    cut = [face for face in box.faces if {start, end} <= set(face)]
+    rest = [face for face in box.faces if not {start, end} <= set(face)]
+    halves = [np.where(face == old, len(box.vertices), face) for face in cut for old in (start, end)]
+    mesh = make_mesh([*box.vertices, middle], [*rest, *halves])
+    assert trimesh.load(Asset(mesh, "x", {}).export(tmp_path / "a.stl")).is_watertight

@@ -3,38 +3,47 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
+from torch import Tensor
 
 from dipcg.config import ModelConfig
-from dipcg.denoiser import Estimator
+from dipcg.estimators import AnyEstimator, build_estimator
 from dipcg.generators import Generator, load_generator
 from dipcg.space import ParameterSpace
 from dipcg.weights import CARD, WEIGHTS, CheckpointError
 
 
-def save_checkpoint(folder: str | Path, model: Estimator, generator: Generator, about: dict[str, Any]) -> None:
+def save_checkpoint(folder: str | Path, model: AnyEstimator, generator: Generator, about: dict[str, Any]) -> None:
     """Write weights (half precision) and a card with the space, the configuration and what `about` adds."""
+    write_checkpoint(folder, model.state_dict(), model.config, generator, about)
+
+
+def write_checkpoint(
+    folder: str | Path, weights: Mapping[str, Tensor], config: ModelConfig, generator: Generator, about: dict[str, Any]
+) -> None:
+    """As `save_checkpoint`, from the weights and the configuration of a network."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    weights = {k: v.half() if v.is_floating_point() else v for k, v in model.state_dict().items()}
-    save_file({k: v.contiguous() for k, v in weights.items()}, folder / WEIGHTS)
+    halves = {k: v.half() if v.is_floating_point() else v for k, v in weights.items()}
+    save_file({k: v.contiguous() for k, v in halves.items()}, folder / WEIGHTS)
     card = {
         "generator": generator.name,
         "ref": generator.ref,
         "fingerprint": generator.space.fingerprint,
-        "model": asdict(model.config),
+        "model": asdict(config),
         **about,
         "space": generator.space.describe(),
     }
     (folder / CARD).write_text(json.dumps(card, indent=1))
 
 
-def load_checkpoint(folder: str | Path) -> tuple[Estimator, Generator, dict[str, Any]]:
+def load_checkpoint(folder: str | Path) -> tuple[AnyEstimator, Generator, dict[str, Any]]:
     """Read a checkpoint: the network in evaluation mode, its generator and its card.
 
     Raises CheckpointError when it is missing, damaged, or made for other parameters than the generator has now.
@@ -43,7 +52,7 @@ def load_checkpoint(folder: str | Path) -> tuple[Estimator, Generator, dict[str,
     card = _read_card(folder)
     generator = load_generator(card["ref"])
     _check_space(generator.space, card, folder)
-    model = Estimator(generator.space, ModelConfig(**card["model"]))
+    model = build_estimator(generator.space, ModelConfig(**card["model"]))
     _load_weights(model, folder / WEIGHTS)
     return model.eval(), generator, card
 
@@ -56,7 +65,7 @@ def _read_card(folder: Path) -> dict[str, Any]:
         raise CheckpointError(f"{folder} is not a checkpoint: its {CARD} cannot be read ({error}).") from None
 
 
-def _load_weights(model: Estimator, path: Path) -> None:
+def _load_weights(model: AnyEstimator, path: Path) -> None:
     try:
         weights = {k: v.float() if v.is_floating_point() else v for k, v in load_file(path).items()}
         model.load_state_dict(weights)

@@ -7,15 +7,21 @@ from __future__ import annotations
 
 import json as jsons
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from functools import partial
+from itertools import pairwise
 
 import tyro
 from tyro.conf import FlagCreatePairsOff
 
-from dipcg.cli_assets import edit, estimate, sample
+from dipcg.cli_app import serve
+from dipcg.cli_assets import edit, sample
+from dipcg.cli_estimate import estimate
 from dipcg.cli_generators import generators, generators_add
+from dipcg.cli_import import import_checkpoint
 from dipcg.cli_learning import dataset_build, dataset_gallery, dataset_info, evaluate, train
+from dipcg.cli_mcmc import mcmc
 
 
 def doctor(*, json: bool = False) -> None:
@@ -44,6 +50,9 @@ COMMANDS = {
     "dataset gallery": dataset_gallery,
     "train": train,
     "evaluate": evaluate,
+    "mcmc": mcmc,
+    "import-checkpoint": import_checkpoint,
+    "serve": serve,
     "doctor": doctor,
 }
 
@@ -54,8 +63,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if " ".join(words[:2]) in COMMANDS:  # tyro knows subcommands of one word
         words[:2] = [" ".join(words[:2])]
     try:
+        commands = COMMANDS | {"train": _trainer(words)}
         tyro.extras.subcommand_cli_from_dict(
-            COMMANDS, prog="dipcg", description=ABOUT, args=words, config=(FlagCreatePairsOff,)
+            commands, prog="dipcg", description=ABOUT, args=words, config=(FlagCreatePairsOff,)
         )
     except (ValueError, LookupError, RuntimeError, ImportError, OSError) as error:
         print(_sentence(error), file=sys.stderr)
@@ -63,6 +73,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:
         print("Stopped.", file=sys.stderr)
         raise SystemExit(130) from None
+
+
+def _trainer(words: Sequence[str]) -> Callable[..., None]:
+    """The train command with the defaults of the recipe that the words name, so that other flags still change them."""
+    from dipcg.recipes import find_recipe
+
+    given = [word.removeprefix("--recipe=") for word in words if word.startswith("--recipe=")]
+    given += [after for word, after in pairwise(words) if word == "--recipe"]
+    if words[:1] != ["train"] or not given:
+        return train
+    recipe = find_recipe(given[-1])
+    return partial(train, recipe=given[-1], train=recipe.train, model=recipe.model)
 
 
 def _sentence(error: Exception) -> str:

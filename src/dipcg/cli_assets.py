@@ -1,24 +1,26 @@
-"""Commands that make assets: sample, edit, estimate."""
+"""Commands that make assets of parameters: sample, edit."""
 
 from __future__ import annotations
 
 import json as jsons
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
-from functools import partial
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, UseAppendAction, arg
 
 if TYPE_CHECKING:
+    from dipcg.export import Asset
     from dipcg.generators import Detail, Generator
-    from dipcg.pipeline import Estimate
+    from dipcg.mesh import Mesh
     from dipcg.space import Params
 
 Name = Annotated[str, arg(aliases=["-g"], metavar="NAME")]
 Output = Annotated[Path, arg(aliases=["-o"], metavar="FILE")]
+Preview = Annotated[Path | None, arg(metavar="FILE")]
 Settings = Annotated[tuple[tuple[str, ...], ...], UseAppendAction, arg(metavar="NAME=VALUE")]  # one or more, repeatable
 
 
@@ -27,11 +29,17 @@ class Written:
     """What a command writes."""
 
     output: Output
-    """mesh to write: .glb, .gltf, .obj, .ply or .stl"""
+    """mesh to write: .glb, .gltf, .obj, .ply, .stl, .usdz, .usda, .usdc or .blend"""
     params_out: Path | None = None
     """JSON file for the parameters"""
     light: bool = False
     """build the coarse mesh"""
+    faces: Annotated[int | None, arg(metavar="COUNT")] = None
+    """triangles to simplify to; all of them when left out"""
+    texture: Annotated[int | None, arg(metavar="PIXELS")] = None
+    """bake Infinigen's materials to maps of so many pixels along a side, for glTF and USD"""
+    material_seed: int = 0
+    """of the materials, in maps and in .blend files"""
     json: bool = False
     """print what was made as JSON"""
 
@@ -41,14 +49,35 @@ class Written:
 
     def check(self) -> None:
         """Raise export.ExportError for a file that could not be written, before any work is done."""
-        from dipcg.export import check_target
+        from dipcg.export import check_faces, check_target, check_texture
 
         check_target(self.output)
         if self.params_out is not None:
             check_target(self.params_out, (".json",))
+        if self.faces is not None:
+            check_faces(self.faces)
+        if self.texture is not None:
+            check_texture(self.texture, self.output)
+
+    def finish(self, asset: Asset) -> Asset:
+        """The asset with as many faces and with the maps that were asked for; raises blender.BlenderError."""
+        asset = replace(asset, material_seed=self.material_seed)
+        asset = asset if self.faces is None else asset.with_faces(self.faces)
+        return asset if self.texture is None else _textured(asset, self.texture)
 
 
 Options = Annotated[Written, arg(name="")]
+
+
+def _textured(asset: Asset, size: int) -> Asset:
+    from dipcg.bake import texture
+    from dipcg.terminal import bar
+
+    started = time.perf_counter()
+    with bar("baking", 100) as update:
+        made = texture(asset, size, asset.material_seed, lambda share, note: update(int(100 * share), note))
+    print(f"Baked {size} × {size} maps in {time.perf_counter() - started:.0f} s.", file=sys.stderr)
+    return made
 
 
 def sample(name: Positional[str], /, *, written: Options, seed: int = 0, set: Settings = ()) -> None:
@@ -69,108 +98,49 @@ def sample(name: Positional[str], /, *, written: Options, seed: int = 0, set: Se
     _build_and_write(generator, generator.space.replace(params, parse_settings(set)), written)
 
 
-def edit(file: Positional[Path], /, *, written: Options, set: Settings = ()) -> None:
+def edit(
+    file: Positional[Path],
+    /,
+    *,
+    written: Options,
+    set: Settings = (),
+    preview: Preview = None,
+) -> None:
     """Change parameters of an asset and build it again.
 
     Args:
         file: parameters as JSON, from --params-out
         written: files and their detail
         set: parameters to change, as name=value
+        preview: PNG file for the asset before and after, from the same camera
     """
+    from dipcg.export import check_target
     from dipcg.generators import load_generator
     from dipcg.space import params_from_json
 
     name, params = params_from_json(_read(file))
     generator = load_generator(name)
-    params = generator.space.replace(generator.space.validate(params), parse_settings(set))
-    _build_and_write(generator, params, written)
-
-
-def estimate(
-    images: Positional[tuple[Path, ...]],
-    /,
-    *,
-    generator: Name,
-    written: Options,
-    candidates: int = 16,
-    steps: int = 10,
-    seed: int = 0,
-    keep: Settings = (),
-    preview: Path | None = None,
-) -> None:
-    """Turn pictures into editable assets.
-
-    With several pictures, files are named after them in the folder of the output: chair.glb becomes PICTURE.glb.
-
-    Args:
-        images: photographs, drawings or masks
-        generator: what they show, or a folder with a checkpoint, or a generator's file whose checkpoint is in runs/
-        written: files and their detail
-        candidates: how many to return: the expected one, then samples
-        steps: of the sampler
-        seed: of the samples
-        keep: parameters to hold, as name=value; the rest is estimated around them
-        preview: PNG file for the photo beside the result
-    """
-    from dipcg.pipeline import Inverter
-
-    targets, kept = _targets(images, written, preview), parse_settings(keep)
-    with Inverter.load(generator) as inverter:
-        for name, value in kept.items():
-            inverter.generator.space.find(name)[1].check(value)
-        inverter.pool.warm()
-        wanted = partial(inverter.estimate, candidates=candidates, steps=steps, seed=seed, keep=kept)
-        failed = [image for image in images if not _try_estimate(wanted, image, targets[image], written)]
-    if failed:
-        raise SystemExit(1)
-
-
-Targets = tuple[Path | None, ...]  # of the mesh, the parameters and the preview
-
-
-def _targets(images: Sequence[Path], written: Written, preview: Path | None) -> dict[Path, Targets]:
-    """The files of each picture, all of which can be written; raises ValueError."""
-    from dipcg.export import check_target
-
-    if not images:
-        raise ValueError("Give at least one picture.")
-    written.check()
+    before = generator.space.validate(params)
+    after = generator.space.replace(before, parse_settings(set))
     if preview is not None:
         check_target(preview, (".png",))
-    asked = (written.output, written.params_out, preview)
-    targets = {image: tuple(_named_after(path, image, len(images) > 1) for path in asked) for image in images}
-    _check_distinct(images, [path for image in images for path in targets[image] if path])
-    return targets
-
-
-def _try_estimate(wanted: Callable[[Path], Estimate], image: Path, targets: Targets, written: Written) -> bool:
-    """Estimate one picture and write its files; what fails is told, so that the others go on."""
-    try:
-        found = wanted(image)
-        _write_estimate(found, targets, written.detail)
-        _tell_estimate(image, found, targets, written.json)
-    except (ValueError, RuntimeError) as error:
-        print(f"{image}: {error}" if str(image) not in str(error) else str(error), file=sys.stderr)
-        return False
-    return True
+    _build_and_write(generator, after, written, preview and (before, preview))
 
 
 def parse_settings(settings: Sequence[Sequence[str]]) -> dict[str, str]:
-    """`name=value` words, as given to each of several flags, as a dict; raises ValueError for a word without `=`."""
+    """`name=value` words, as given to each of several flags, as a dict.
+
+    Raises ValueError for a word without `=` and for a name with two values.
+    """
     words = [word for given in settings for word in given]
     for word in words:
         if "=" not in word:
             raise ValueError(f"A setting is written name=value, got {word!r}.")
-    return {name.strip(): value.strip() for name, value in (word.split("=", 1) for word in words)}
-
-
-def _check_distinct(images: Sequence[Path], targets: Sequence[Path]) -> None:
-    """Raise ValueError where a file would be written twice, or over a picture that is read."""
-    taken = {image.absolute() for image in images}
-    for target in targets:
-        if target.absolute() in taken:
-            raise ValueError(f"{target} would be overwritten; choose another name or folder.")
-        taken.add(target.absolute())
+    found: dict[str, str] = {}
+    for name, value in ((part.strip() for part in word.split("=", 1)) for word in words):
+        if found.setdefault(name, value) != value:
+            raise ValueError(f"{name} is given twice, as {found[name]} and as {value}; give it once.")
+    return found
 
 
 def _read(file: Path) -> str:
@@ -181,13 +151,19 @@ def _read(file: Path) -> str:
         raise ValueError(f"{file} cannot be read as a parameter file ({reason}).") from None
 
 
-def _build_and_write(generator: Generator, params: Params, written: Written) -> None:
+def _build_and_write(
+    generator: Generator, params: Params, written: Written, compared: tuple[Params, Path] | None = None
+) -> None:
+    """Build, write, say so; and draw the asset of other parameters beside it."""
     from dipcg.export import Asset
     from dipcg.worker import BuildPool
 
     written.check()
     with BuildPool(generator.ref) as pool:
         asset = Asset(pool.build(params, written.detail), generator.ref, params)
+        if compared:
+            _draw_beside(pool.build(compared[0], written.detail), asset.mesh, generator, compared[1])
+    asset = written.finish(asset)
     asset.export(written.output)
     if written.params_out is not None:
         asset.save_params(written.params_out)
@@ -196,29 +172,10 @@ def _build_and_write(generator: Generator, params: Params, written: Written) -> 
     print(jsons.dumps(made) if written.json else f"Wrote {written.output}, {faces:,} triangles.")
 
 
-def _write_estimate(found: Estimate, targets: Targets, detail: Detail) -> None:
-    from dipcg.preview import side_by_side
+def _draw_beside(before: Mesh, after: Mesh, generator: Generator, path: Path) -> None:
+    import numpy as np
 
-    output, params_out, preview = targets
-    assert output is not None
-    asset = found.build(detail=detail)
-    asset.export(output)
-    if params_out:
-        asset.save_params(params_out)
-    if preview:
-        side_by_side(found, asset.mesh, preview)
+    from dipcg.images import save_image
+    from dipcg.preview import same_camera
 
-
-def _tell_estimate(image: Path, found: Estimate, targets: Targets, json: bool) -> None:
-    output, params_out, _ = targets
-    if json:
-        candidates = [{"params": c.params, "view": asdict(c.view)} for c in found.candidates]
-        print(
-            jsons.dumps({"image": str(image), "output": str(output), "candidates": candidates, "spread": found.spread})
-        )
-    else:
-        print(f"{image} -> {output}" + (f", {params_out}" if params_out else ""))
-
-
-def _named_after(path: Path | None, image: Path, many: bool) -> Path | None:
-    return path.with_stem(image.stem) if path and many else path
+    save_image(np.concatenate(same_camera([before, after], generator.views.middle), 1), path)

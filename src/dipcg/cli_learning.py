@@ -152,9 +152,16 @@ def evaluate(
     candidates: int = 16,
     steps: int | None = None,
     metric: tuple[str, ...] = (),
+    rank: bool = False,
+    refine: float = 0.0,
+    meshes: Path | None = None,
+    pictures: Path | None = None,
     json: Path | None = None,
 ) -> None:
     """Measure an estimator on unseen shapes of a data set, or on pictures with surface points.
+
+    With --pictures the pictures are written for another tool, and nothing is measured; with --meshes that tool's meshes
+    are measured in place of the estimator's.
 
     Args:
         generator: name, or a folder with a checkpoint
@@ -165,6 +172,10 @@ def evaluate(
         candidates: how many of each picture, the expected one among them
         steps: of the sampler; as many as the checkpoint was made for when left out
         metric: names of metrics; all when left out
+        rank: build all candidates, and measure the one ranked first and the one nearest to the truth too
+        refine: measure what so many seconds of search make of it too
+        meshes: folder with the NAME.glb or NAME.obj that another tool made of each picture
+        pictures: folder for the pictures, as NAME.png
         json: file for the table as JSON
     """
     from dipcg.evaluate import evaluate as measure
@@ -176,13 +187,42 @@ def evaluate(
         raise ValueError("Give one of --data and --pairs.")
     if json is not None:
         check_target(json, (".json",))
+    if meshes is not None or pictures is not None:
+        return _foreign(_cases(data, pairs, prefix or generator, count), meshes, pictures, count, metric, json)
     with Inverter.load(generator, workers=2) as inverter, bar("measuring", count) as update:
         cases, done = _cases(data, pairs, prefix or inverter.generator.name, count), counter(1)
         metrics, turned = list(metric) or None, pairs is not None
-        found = measure(inverter, cases, candidates, steps, turned, metrics, lambda case: update(next(done), case.name))
+        found = measure(
+            inverter,
+            cases,
+            candidates,
+            steps,
+            turned,
+            metrics,
+            lambda case: update(next(done), case.name),
+            rank,
+            refine,
+        )
     print(table(found))
     if json:
         json.write_text(jsons.dumps(found.to_dict(), indent=1))
+
+
+def _foreign(
+    cases: Iterator[Case],
+    meshes: Path | None,
+    pictures: Path | None,
+    count: int,
+    metric: tuple[str, ...],
+    json: Path | None,
+) -> None:
+    from dipcg.cli_meshes import compare_meshes
+    from dipcg.foreign import write_pictures
+
+    if meshes is not None:
+        return compare_meshes(cases, meshes, count, list(metric) or None, json)
+    assert pictures is not None
+    print(f"Wrote {write_pictures(cases, pictures)} pictures to {pictures}; a mesh for each is to have the same name.")
 
 
 def _cases(data: Path | None, pairs: Path | None, prefix: str, count: int) -> Iterator[Case]:

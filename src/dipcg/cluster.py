@@ -11,6 +11,7 @@ from functools import cache
 from typing import Any
 
 from dipcg.draws import Draws
+from dipcg.shards import build as build_shard
 from dipcg.worker import BuildError, BuildPool
 
 AHEAD = 2  # shards waiting or being built for each processor of the cluster
@@ -38,8 +39,6 @@ def on_ray(
 
 def _build(draws: Draws, job: range, timeout_s: float) -> tuple[bytes, int] | str:
     """On a node: one shard with one worker, which is kept for the next one. A string says why none could start."""
-    from dipcg.store import build_shard
-
     try:
         outcomes = list(_pool(draws.ref, timeout_s).timed(draws.params(job), "light"))
         content = build_shard(draws.generator, draws, job, outcomes)

@@ -28,9 +28,15 @@ RECENT = 1024  # rendered pictures kept for another use
 class Batch(NamedTuple):
     """Pictures over their background, what they show as `x` with the camera's four numbers, and what counts."""
 
-    images: UInt8[Tensor, "b 3 s s"]
+    images: UInt8[Tensor, "b 3 s s"] | Float[Tensor, "b t c"]
+    """or what stands for them: the tokens of sentences"""
     x: Float[Tensor, "b d"]
     active: Bool[Tensor, "b p"]
+
+
+def encoder_input(images: Tensor) -> Tensor:
+    """What an encoder is given: pictures in [0, 1], tokens as they are."""
+    return images.float() / 255 if images.dtype == torch.uint8 else images
 
 
 class Picture(NamedTuple):
@@ -91,7 +97,8 @@ class Pictures(IterableDataset):
 
     def _render(self, renderer: Renderer, rng: np.random.Generator) -> Picture:
         number = int(rng.integers(len(self.shapes.meshes)))
-        mesh, views = decode_mesh(self.shapes.meshes[number]), self.generator.views
+        mesh, params = decode_mesh(self.shapes.meshes[number]), self.generator.space.decode(self.shapes.x[number])
+        views = self.generator.seen_from(params)
         view = views.sample(rng) if rng.random() < self.config.views else views.middle
         drawing = rng.random() < self.config.lines
         look = Look(normals=True) if drawing else sample_look(rng, len(mesh.part_names))
@@ -122,7 +129,7 @@ def flip(generator: Generator, image: np.ndarray, view: View, x: np.ndarray) -> 
     return image[:, ::-1], mirrored, generator.mirror(x)
 
 
-def loader(pictures: Pictures, workers: int) -> DataLoader:
+def loader(pictures: IterableDataset, workers: int) -> DataLoader:
     """Batches prepared by `workers` other processes, a few ahead of the network."""
     return DataLoader(
         pictures,

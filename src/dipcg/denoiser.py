@@ -86,8 +86,11 @@ class Outputs(nn.Module):
     def forward(self, raw: Float[Tensor, "b n"]) -> Prediction:
         raw = raw.float()
         real, logits = torch.tanh(raw[:, : self.dimension]), raw[:, self.dimension :]
-        expected = self._sum(self.log_probabilities(logits).exp() * self.centres)
-        return Prediction(torch.where(self.is_choice, expected, real), logits)
+        return Prediction(torch.where(self.is_choice, self.expect(logits), real), logits)
+
+    def expect(self, logits: Float[Tensor, "b k"]) -> Float[Tensor, "b d"]:
+        """The expectation of each choice as `x`, 0 for reals."""
+        return self._sum(self.log_probabilities(logits).exp() * self.centres)
 
     def log_probabilities(self, logits: Float[Tensor, "b k"]) -> Float[Tensor, "b k"]:
         """A log softmax over the options of each choice."""

@@ -19,12 +19,16 @@ from dipcg.images import MARGIN, Source
 from dipcg.mesh import Mesh
 from dipcg.metrics import Metric, load_metric, normalise, surface_points
 from dipcg.metrics.chamfer import best_quarter_turn
-from dipcg.pipeline import Inverter
+from dipcg.metrics.chamfer import measure as chamfer
+from dipcg.pipeline import Estimate, Inverter
+from dipcg.rank import rank
+from dipcg.refine import refine
 from dipcg.render import Renderer, sample_look
 from dipcg.space import Params
 from dipcg.worker import BuildError
 
 PICTURE = 256  # side of the pictures made of a test split
+CHOSEN_BY = 2500  # points by which the candidate nearest to the truth is found
 Sampler = Callable[[int, np.random.Generator], np.ndarray]
 
 
@@ -79,8 +83,8 @@ def split_cases(folder: str | Path, count: int, seed: int = 0, split: str = "tes
     for number in range(min(count, len(shapes.meshes))):
         mesh = decode_mesh(shapes.meshes[number])
         look = sample_look(rng, len(mesh.part_names))
-        image = renderer.render(mesh, generator.views.sample(rng), look, MARGIN)
         params = generator.space.decode(shapes.x[number].astype(float))
+        image = renderer.render(mesh, generator.seen_from(params).sample(rng), look, MARGIN)
         yield Case(f"{split}-{number}", np.ascontiguousarray(image), _mesh_sampler(mesh), params, mesh)
 
 
@@ -101,36 +105,62 @@ def evaluate(
     inverter: Inverter,
     cases: Iterable[Case],
     candidates: int = 16,
-    steps: int = 10,
+    steps: int | None = None,
     quarter_turns: bool = False,
     metrics: list[str] | None = None,
     report: Callable[[Case], None] = lambda case: None,
+    ranked: bool = False,
+    refine_s: float = 0,
 ) -> Table:
     """Measure the noise floor, a random shape, the direct guess, the most central sample, and the estimate.
 
-    With `quarter_turns` an estimate is compared at the best of four turns about Z, for data with unknown fronts.
+    With `quarter_turns` an estimate is compared at the best of four turns about Z, for data with unknown fronts. With
+    `ranked` all candidates are built: the one that ranking puts first and the one nearest to the truth are measured
+    too, and with `refine_s` what so many seconds of search make of the first.
     """
     table = Table([column for name in metrics or registry.names("metrics") for column in load_metric(name).columns])
     for number, case in enumerate(cases):
         rng = np.random.default_rng([1, number])
+        found = inverter.estimate(case.image, max(2, candidates), steps)
         if case.mesh is not None:
             table.add("noise floor", _compare(table.metrics, case, case.mesh, None, rng, False, inverter))
-        for row, params in _rows(inverter, case, candidates, steps, rng):
-            mesh = _try_build(inverter, params)
+        rows = [(row, params, _try_build(inverter, params)) for row, params in _rows(inverter, found, case, rng)]
+        if ranked or refine_s:
+            rows += _chosen_rows(found, case, refine_s, quarter_turns)
+        for row, params, mesh in rows:
             values = _compare(table.metrics, case, mesh, params, rng, quarter_turns, inverter)
             table.add(row, values, failed=mesh is None)
         report(case)
     return table
 
 
-def _rows(
-    inverter: Inverter, case: Case, candidates: int, steps: int, rng: np.random.Generator
-) -> Iterator[tuple[str, Params]]:
+def _rows(inverter: Inverter, found: Estimate, case: Case, rng: np.random.Generator) -> Iterator[tuple[str, Params]]:
     yield "prior (a random one)", inverter.generator.space.sample(rng)
-    yield "direct guess", inverter.guess(case.image).params
-    found = inverter.estimate(case.image, max(2, candidates), steps)
+    if inverter.model.config.objective == "flow":  # the paper's model makes no guess
+        yield "direct guess", inverter.guess(case.image).params
     yield "most central sample", found.candidates[1].params
     yield "estimate", found.params
+
+
+def _chosen_rows(
+    found: Estimate, case: Case, refine_s: float, quarter_turns: bool
+) -> Iterator[tuple[str, Params, Mesh | None]]:
+    chosen = rank(found)
+    yield "best ranked", chosen.params, chosen.candidates[0].mesh
+    nearest = min(chosen.candidates, key=lambda candidate: distance(candidate.mesh, case, quarter_turns))
+    yield f"best of {len(found.candidates)} by truth", nearest.params, nearest.mesh
+    if refine_s:
+        searched = refine(chosen, refine_s)
+        yield f"refined for {refine_s:g} s", searched.params, searched.candidates[0].mesh
+
+
+def distance(mesh: Mesh | None, case: Case, quarter_turns: bool) -> float:
+    """The chamfer distance of fewer points than in the table: enough to choose by."""
+    if mesh is None:
+        return np.inf
+    rng = np.random.default_rng(0)
+    ours, truth = surface_points(mesh, CHOSEN_BY, rng), case.sample(CHOSEN_BY, rng)
+    return chamfer(best_quarter_turn(ours, truth) if quarter_turns else ours, truth)
 
 
 def _try_build(inverter: Inverter, params: Params) -> Mesh | None:

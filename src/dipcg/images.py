@@ -62,6 +62,15 @@ def cut_out(image: RGBA) -> tuple[RGBA, Background]:
     return _not_empty(np.dstack([image[..., :3], alpha])), "plain" if plain else "photo"
 
 
+def cut_by_colour(image: RGBA, difference: float) -> RGBA:
+    """Transparent where the colour differs from the border's by less than `difference` in CIELAB, for a visitor to set.
+
+    Raises ImageError when nothing is left.
+    """
+    apart = _from_background(image) >= difference
+    return _not_empty(np.dstack([image[..., :3], np.where(apart, image[..., 3], 0).astype(np.uint8)]))
+
+
 def crop_to_object(image: RGBA, size: int, margin: float = MARGIN) -> UInt8[np.ndarray, "size size 4"]:
     """A square picture of the object, centred, with `margin` of the side left free around its longer direction."""
     ys, xs = np.nonzero(image[..., 3] > 32)

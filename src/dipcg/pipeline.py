@@ -5,9 +5,9 @@ image -> tokens -> x -> params -> mesh
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import torch
@@ -16,26 +16,45 @@ from torch import Tensor
 
 from dipcg.camera import VIEW_NUMBERS, View, decode_view, encode_view
 from dipcg.checkpoint import load_checkpoint
-from dipcg.denoiser import Condition, Estimator, Prediction
+from dipcg.denoiser import Condition, Prediction
 from dipcg.encoders import Features
+from dipcg.estimators import AnyEstimator
 from dipcg.export import Asset
 from dipcg.generators import Detail, Generator
 from dipcg.images import Background, Source, over_white, prepare
+from dipcg.locks import check_kept, needed
+from dipcg.mesh import Mesh
 from dipcg.sampling import sample
-from dipcg.space import Params, Real
+from dipcg.space import Choice, Params, Value
+from dipcg.spread import central_first, spread
 from dipcg.weights import find_checkpoint
 from dipcg.worker import BuildPool
 
 Locks = tuple[Float[Tensor, " d"], Bool[Tensor, " d"]]  # values of x, and which of them are given
+NO_PICTURE = np.zeros((128, 128, 4), np.uint8)  # of what was told in words
 EXPECTED_OVER = 8  # draws of noise over which the expected candidate is averaged
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One of the things the picture may show: parameters and the camera that saw them."""
+    """One of the things the picture may show: parameters and the camera that saw them.
+
+    `agreement`, from 0 to 1, says how well its render matches the picture, and `mesh` is the light mesh; both are None
+    until `rank.rank` has built it, and stay so when it cannot be built.
+    """
 
     params: Params
     view: View
+    agreement: float | None = None
+    mesh: Mesh | None = None
+
+
+class Step(NamedTuple):
+    """Where a search stood: seconds and builds since its start, and the misfit of the best so far."""
+
+    seconds: float
+    builds: int
+    misfit: float
 
 
 @dataclass(frozen=True)
@@ -43,14 +62,22 @@ class Estimate:
     """What a picture shows: the expected candidate first, then samples, the most central first, and how they differ.
 
     `spread` has for each parameter the standard deviation over the samples (reals, in natural units) or the share of
-    samples that agree with the first candidate (choices).
+    samples that agree with the expected candidate (choices). `chances` has the probability of each option of each
+    choice, where the choice is active. `expected` is the expected candidate whatever the order, `kept` what was held.
+    `misfit`, from 0 to 1 and None before ranking, says how far even the best candidate is from the picture; `trace` is
+    how `refine.refine` lowered it.
     """
 
     candidates: list[Candidate]
     spread: dict[str, float]
+    chances: dict[str, dict[Value, float]]
     image: UInt8[np.ndarray, "s s 4"]
-    background: Background
+    background: Background | Literal["words"]
     inverter: Inverter
+    expected: Candidate
+    kept: Params = field(default_factory=dict)
+    misfit: float | None = None
+    trace: list[Step] = field(default_factory=list)
 
     @property
     def params(self) -> Params:
@@ -74,7 +101,7 @@ class Inverter:
     >>> estimate.build().export("chair.glb")
     """
 
-    def __init__(self, model: Estimator, generator: Generator, workers: int = 1) -> None:
+    def __init__(self, model: AnyEstimator, generator: Generator, workers: int = 1) -> None:
         self.model, self.generator = model.eval(), generator
         self._workers = workers
         self._pool: BuildPool | None = None
@@ -93,30 +120,64 @@ class Inverter:
         self,
         image: Source,
         candidates: int = 16,
-        steps: int = 10,
+        steps: int | None = None,
         seed: int = 0,
         keep: Mapping[str, Any] | None = None,
     ) -> Estimate:
         """Estimate the parameters of the generator that make what a picture shows.
 
-        `keep` holds some parameters at given values. Raises images.ImageError for a picture that cannot be used and
-        ValueError for numbers below one or values out of range.
+        `keep` holds some parameters at given values; a choice that they need is held at its likeliest fitting option.
+        Raises images.ImageError for a picture that cannot be used and ValueError for numbers below one or values that
+        cannot be held.
         """
-        if min(candidates, steps) < 1:
-            raise ValueError(f"candidates and steps must be at least 1, got {candidates} and {steps}.")
-        picture, background = prepare(image, self.image_size)
-        locks, rng = self._locks(keep or {}), np.random.default_rng(seed)
-        noise = torch.from_numpy(rng.standard_normal((EXPECTED_OVER + candidates - 1, len(locks[0])))).float()
-        condition = self.model.condition(self._features(picture))
-        expected = self._candidate(self._expected(condition, noise[:EXPECTED_OVER], locks), keep or {})
-        drawn = [self._candidate(x, keep or {}) for x in self._drawn(condition, noise[EXPECTED_OVER:], steps, locks)]
-        spread = self._spread(expected, drawn or [expected])
-        return Estimate([expected, *self._central_first(drawn)], spread, picture, background, self)
+        picture, background = self._prepare(image)
+        return self._estimated(self._features(picture), picture, background, candidates, steps, seed, keep)
+
+    @torch.inference_mode()
+    def estimate_views(
+        self,
+        images: Sequence[Source],
+        candidates: int = 16,
+        steps: int | None = None,
+        seed: int = 0,
+        keep: Mapping[str, Any] | None = None,
+    ) -> Estimate:
+        """Estimate one object that several pictures show, each from its own side, as `estimate` does from one.
+
+        Picture and camera of the result are the first one's. Raises what `estimate` does, and ValueError without any.
+        """
+        if not images:
+            raise ValueError("Give at least one picture.")
+        prepared = [self._prepare(image) for image in images]
+        features = [self._features(picture) for picture, _ in prepared]
+        together = Features(*(torch.cat(parts) for parts in zip(*features, strict=True)))
+        return self._estimated(together, *prepared[0], candidates, steps, seed, keep)
+
+    @torch.inference_mode()
+    def describe(
+        self,
+        text: str,
+        candidates: int = 16,
+        steps: int | None = None,
+        seed: int = 0,
+        keep: Mapping[str, Any] | None = None,
+    ) -> Estimate:
+        """Estimate the parameters of the generator that make what a sentence says, as `estimate` does of a picture.
+
+        The picture of the result is empty. Raises ValueError for a text that cannot be used, and when the checkpoint
+        was trained on pictures.
+        """
+        from dipcg.encoders.sentence import check_text, embed
+
+        if self.image_size:
+            raise ValueError("This checkpoint reads pictures, not words; give it a picture.")
+        features = self.model.encoder(embed([check_text(text)]))
+        return self._estimated(features, NO_PICTURE, "words", candidates, steps, seed, keep)
 
     @torch.inference_mode()
     def guess(self, image: Source) -> Candidate:
         """The direct regression from the picture's summary, without the denoiser; raises images.ImageError."""
-        prediction = self.model.first_guess(self._features(prepare(image, self.image_size)[0]))
+        prediction = self.model.first_guess(self._features(self._prepare(image)[0]))
         return self._candidate(self.model.outputs.modes(prediction)[0].double().numpy(), {})
 
     def build(self, params: Params, detail: Detail = "full") -> Asset:
@@ -147,58 +208,92 @@ class Inverter:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _expected(self, condition: Condition, noise: Tensor, locks: Locks) -> Float[np.ndarray, " d"]:
-        """The mean of reals and the likeliest of choices: what the denoiser expects before its first step.
+    def _estimated(
+        self,
+        features: Features,
+        picture: UInt8[np.ndarray, "s s 4"],
+        background: Background | Literal["words"],
+        candidates: int,
+        steps: int | None,
+        seed: int,
+        keep: Mapping[str, Any] | None,
+    ) -> Estimate:
+        steps = self.model.config.steps if steps is None else steps
+        if min(candidates, steps) < 1:
+            raise ValueError(f"candidates and steps must be at least 1, got {candidates} and {steps}.")
+        kept, rng = check_kept(self.generator.space, keep or {}), np.random.default_rng(seed)
+        size = len(self.generator.space) + VIEW_NUMBERS
+        noise = torch.from_numpy(rng.standard_normal((EXPECTED_OVER + candidates - 1, size))).float()
+        condition = self.model.condition(features)
+        kept = self._with_needed(kept, condition, noise[:EXPECTED_OVER])
+        locks = self._locks(kept)
+        mean = self._expected(condition, noise[:EXPECTED_OVER], locks)
+        expected = self._candidate(self._modes(mean, locks)[0], kept)
+        drawn = [self._candidate(x, kept) for x in self._drawn(condition, noise[EXPECTED_OVER:], steps, locks)]
+        differ = spread(self.generator.space, expected.params, [c.params for c in drawn or [expected]])
+        found = [expected, *(drawn[i] for i in central_first(self._points(drawn)))]
+        return Estimate(found, differ, self._chances(mean, kept), picture, background, self, expected, kept)
+
+    def _prepare(self, image: Source) -> tuple[UInt8[np.ndarray, "s s 4"], Background]:
+        if not self.image_size:
+            raise ValueError("This checkpoint reads words, not pictures; give it a text.")
+        return prepare(image, self.image_size)
+
+    def _expected(self, condition: Condition, noise: Tensor, locks: Locks) -> Prediction:
+        """The mean of reals and the probabilities of choices: what the denoiser expects before its first step.
 
         Nearer to the truth than one sample is in the mean, since a sample also draws what the picture does not tell.
         """
-        first = self._sample(condition, noise, 1, locks)
+        first = self._sample(condition, noise, self.model.config.expecting_steps, locks)
         chance = self.model.outputs.log_probabilities(first.logits).exp().mean(0, keepdim=True)
-        mean = Prediction(first.mean.mean(0, keepdim=True), chance.log())
-        return torch.where(locks[1], locks[0], self.model.outputs.modes(mean))[0].double().numpy()
+        return Prediction(first.mean.mean(0, keepdim=True), chance.log())
 
-    def _drawn(
-        self, condition: Condition, noise: Tensor, steps: int, locks: Locks
-    ) -> Float[np.ndarray, "k d"] | list[np.ndarray]:
+    def _drawn(self, condition: Condition, noise: Tensor, steps: int, locks: Locks) -> Float[np.ndarray, "k d"]:
         if not len(noise):
-            return []
-        drawn = self.model.outputs.modes(self._sample(condition, noise, steps, locks))
-        return torch.where(locks[1], locks[0], drawn).double().numpy()
+            return np.empty((0, noise.shape[1]))
+        return self._modes(self._sample(condition, noise, steps, locks), locks)
+
+    def _modes(self, prediction: Prediction, locks: Locks) -> Float[np.ndarray, "k d"]:
+        return torch.where(locks[1], locks[0], self.model.outputs.modes(prediction)).double().numpy()
 
     def _sample(self, condition: Condition, noise: Tensor, steps: int, locks: Locks) -> Prediction:
-        known, given = (part.repeat(len(noise), 1) for part in locks)
-        return sample(self.model, condition.repeat(len(noise)), noise, steps, known=known, given=given)
+        views, count = len(condition.summary), len(noise)
+        known, given = (part.repeat(views * count, 1) for part in locks)
+        repeated = condition.repeat(count)
+        found = sample(self.model, repeated, noise.repeat(views, 1), steps, known=known, given=given, views=views)
+        return Prediction(found.mean[:count], found.logits[:count])
 
     def _features(self, picture: np.ndarray) -> Features:
         return self.model.encoder(torch.from_numpy(over_white(picture)).permute(2, 0, 1)[None].float() / 255)
 
-    def _locks(self, keep: Mapping[str, Any]) -> Locks:
+    def _with_needed(self, kept: Params, condition: Condition, noise: Tensor) -> Params:
+        """What is held, and each choice without which some of it would do nothing at its likeliest fitting option."""
+        options = needed(self.generator.space, kept)
+        if not options:
+            return kept
+        chances = self._chances(self._expected(condition, noise, self._locks(kept)), kept)
+        return kept | {name: max(fitting, key=chances[name].__getitem__) for name, fitting in options.items()}
+
+    def _chances(self, expected: Prediction, kept: Params) -> dict[str, dict[Value, float]]:
+        shares = iter(expected.logits.exp()[0].tolist())
+        chances = {p.name: {o: next(shares) for o in p.options} for p in self.generator.space if isinstance(p, Choice)}
+        held = {name: kept[name] for name in chances.keys() & kept.keys()}
+        return chances | {name: {o: float(o == value) for o in chances[name]} for name, value in held.items()}
+
+    def _locks(self, kept: Params) -> Locks:
         space, size = self.generator.space, len(self.generator.space) + VIEW_NUMBERS
         known, given = torch.zeros(size), torch.zeros(size, dtype=torch.bool)
-        for name, value in keep.items():
+        for name, value in kept.items():
             index, parameter = space.find(name)
-            known[index], given[index] = parameter.encode(parameter.check(value)), True
+            known[index], given[index] = parameter.encode(value), True
         return known, given
 
-    def _candidate(self, x: Float[np.ndarray, " d"], keep: Mapping[str, Any]) -> Candidate:
+    def _candidate(self, x: Float[np.ndarray, " d"], kept: Params) -> Candidate:
         space = self.generator.space
-        params = space.replace(space.decode(x[:-VIEW_NUMBERS]), keep)
+        params = space.replace(space.decode(x[:-VIEW_NUMBERS]), kept)
         return Candidate(params, decode_view(x[-VIEW_NUMBERS:]))
 
-    def _central_first(self, found: list[Candidate]) -> list[Candidate]:
-        """Order by the mean distance to all others in x: one sample may be odd, the most central one seldom is."""
-        if len(found) < 2:
-            return found
-        points = np.array([np.r_[self.generator.space.encode(c.params), encode_view(c.view)] for c in found])
-        distance = np.abs(points[:, None] - points[None]).mean((1, 2))
-        return [found[i] for i in np.argsort(distance, kind="stable")]
-
-    def _spread(self, first: Candidate, drawn: list[Candidate]) -> dict[str, float]:
-        spread = {}
-        for p in self.generator.space:
-            values = [c.params[p.name] for c in drawn]
-            if isinstance(p, Real):
-                spread[p.name] = float(np.std([float(value) for value in values]))
-            else:
-                spread[p.name] = values.count(first.params[p.name]) / len(values)
-        return spread
+    def _points(self, found: list[Candidate]) -> Float[np.ndarray, "n d"]:
+        space = self.generator.space
+        points = [np.r_[space.encode(c.params), encode_view(c.view)] for c in found]
+        return np.array(points).reshape(len(found), len(space) + VIEW_NUMBERS)

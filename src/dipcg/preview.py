@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from dipcg.camera import View
 from dipcg.images import MARGIN, over_white, prepare, save_image
 from dipcg.mesh import Mesh
 from dipcg.pipeline import Estimate
-from dipcg.render import Renderer
+from dipcg.render import PALETTE, Look, Renderer
 
 Tile = UInt8[np.ndarray, "s s 3"]
 SIDE = 384
@@ -37,6 +38,19 @@ def contact_sheet(meshes: Sequence[Mesh], path: str | Path, columns: int = 8, si
     tiles = [over_white(renderer.render(mesh, View(30.0, 20.0), margin=MARGIN)) for mesh in meshes]
     renderer.close()
     save_image(in_rows(tiles, columns), path)
+
+
+def same_camera(meshes: Sequence[Mesh], view: View, side: int = SIDE) -> list[Tile]:
+    """A picture of each mesh, all from one camera that sees them all; parts of one name have one colour."""
+    renderer, names = Renderer(side), list(dict.fromkeys(name for mesh in meshes for name in mesh.part_names))
+    looks = [Look(PALETTE[[names.index(name) % len(PALETTE) for name in mesh.part_names]]) for mesh in meshes]
+    every = np.concatenate([mesh.vertices for mesh in meshes])
+    # Vertices of no face are not drawn, but frame the picture and place the camera.
+    framed = [replace(mesh, vertices=np.concatenate([mesh.vertices, every])) for mesh in meshes]
+    pairs = zip(framed, looks, strict=True)
+    tiles = [over_white(renderer.render(mesh, view, look, MARGIN)) for mesh, look in pairs]
+    renderer.close()
+    return tiles
 
 
 def in_rows(tiles: Sequence[Tile], columns: int) -> UInt8[np.ndarray, "h w 3"]:

@@ -12,7 +12,9 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from dipcg.denoiser import Condition, Estimator, Prediction
+from dipcg.camera import VIEW_NUMBERS
+from dipcg.denoiser import Condition, Outputs, Prediction
+from dipcg.estimators import AnyEstimator, PaperEstimator
 
 Predict = Callable[[Tensor, Tensor], Tensor]
 
@@ -39,26 +41,46 @@ SAMPLERS = {"euler": euler, "heun": heun}
 
 
 def sample(
-    model: Estimator,
+    model: AnyEstimator,
     condition: Condition,
     noise: Float[Tensor, "b d"],
     steps: int = 10,
     sampler: str = "euler",
     known: Float[Tensor, "b d"] | None = None,
     given: Bool[Tensor, "b d"] | None = None,
+    views: int = 1,
 ) -> Prediction:
     """Draw from the model: one clean `x` for each row of noise, the entries `given` held at `known`.
 
+    With several `views` of one object the rows are of the first picture, then of the second and so on: their parameters
+    start alike and stay alike, since each step goes to what all pictures together expect; each has its own camera.
+
     The last prediction is returned whole, so that a choice can be read from its category and not from an average.
+    The paper's model has its own sampler and takes no other.
     """
     given = torch.zeros_like(noise, dtype=torch.bool) if given is None else given
     known = torch.zeros_like(noise) if known is None else known
+    if isinstance(model, PaperEstimator):
+        return model.sample(condition, noise, steps, known, given)
     last: list[Prediction] = []
 
     def predict(x: Tensor, t: Tensor) -> Tensor:
         prediction = model.denoiser(torch.where(given, known, x), t.expand(len(x)), given, condition)
+        prediction = agreed(model.outputs, prediction, views) if views > 1 else prediction
         last[:] = [prediction]
         return prediction.mean
 
     SAMPLERS[sampler](predict, noise, torch.linspace(0, 1, steps + 1, device=noise.device))
     return last[0]
+
+
+def agreed(outputs: Outputs, prediction: Prediction, views: int) -> Prediction:
+    """One prediction for all views: the mean of reals, the product of the choices' probabilities; cameras stay apart.
+
+    The product is right when what one picture tells does not depend on what another does, given the object.
+    """
+    logits = outputs.log_probabilities(prediction.logits).unflatten(0, (views, -1)).sum(0)
+    mean = prediction.mean.unflatten(0, (views, -1)).mean(0)
+    mean = torch.where(outputs.is_choice, outputs.expect(logits), mean).repeat(views, 1)
+    mean = torch.cat([mean[:, :-VIEW_NUMBERS], prediction.mean[:, -VIEW_NUMBERS:]], 1)
+    return Prediction(mean, logits.repeat(views, 1))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -20,9 +20,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from dipcg.codec import decode_mesh, encode_mesh
+from dipcg.draws import Draws
 from dipcg.generators import Generator
 from dipcg.mesh import Mesh
 from dipcg.space import Choice, Parameter, ParameterSpace, Params
+from dipcg.worker import BuildError, Timed
 
 NUMBER, SEED, MESH, BUILD_S, FAILURE = "_number", "_seed", "_mesh", "_build_s", "_failure"
 _ABOUT = (
@@ -48,6 +50,12 @@ class Sample:
     """a worker.BuildError's reason"""
     sentence: str = ""
     """what it said, with the parameters"""
+
+
+def build(generator: Generator, draws: Draws, job: range, built: Iterable[Timed]) -> bytes:
+    """The content of a shard from what the workers made; raises BuildError when they could not start."""
+    parameters = zip(job, draws.params(job), built, strict=False)  # `built` may go on with the next shard
+    return pack([_sample(number, draws.seed, p, *outcome) for number, p, outcome in parameters], generator)
 
 
 def pack(samples: Sequence[Sample], generator: Generator) -> bytes:
@@ -105,6 +113,14 @@ def versions(generator: Generator) -> dict[str, str]:
         with suppress(PackageNotFoundError):
             found[package] = version(package)
     return found
+
+
+def _sample(number: int, seed: int, params: Params, built: Mesh | BuildError, seconds: float | None) -> Sample:
+    if not isinstance(built, BuildError):
+        return Sample(number, seed, params, built, seconds)
+    if built.reason == "start":
+        raise built
+    return Sample(number, seed, params, None, None, built.reason, str(built))
 
 
 def _schema(generator: Generator) -> pa.Schema:

@@ -229,7 +229,7 @@ def did_you_mean(word: str, known: list[str]) -> str:
 def _as_number(value: Any) -> float | None:
     try:
         return None if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return None
 
 

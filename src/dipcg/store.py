@@ -19,8 +19,7 @@ import pyarrow as pa
 
 from dipcg import shards
 from dipcg.draws import Drawing, Draws
-from dipcg.generators import Generator, load_generator
-from dipcg.mesh import Mesh
+from dipcg.generators import load_generator
 from dipcg.shards import FAILURE, NUMBER, Sample
 from dipcg.space import Parameter, ParameterSpace, Real
 from dipcg.worker import BuildError, BuildPool, Timed
@@ -133,12 +132,6 @@ def in_split(number: int, split: str) -> bool:
     return low <= number % 20 < high
 
 
-def build_shard(generator: Generator, draws: Draws, job: range, built: Iterable[Timed]) -> bytes:
-    """The content of a shard from what the workers made; raises BuildError when they could not start."""
-    parameters = zip(job, draws.params(job), built, strict=False)  # `built` may go on with the next shard
-    return shards.pack([_sample(number, draws.seed, p, *outcome) for number, p, outcome in parameters], generator)
-
-
 def _executed(
     draws: Draws,
     todo: list[range],
@@ -167,7 +160,7 @@ def _locally(
         params = chain.from_iterable(draws.params(job) for job in todo)
         built = counts.watch(pool.timed(params, "light"))
         for job in todo:
-            yield job, build_shard(generator, draws, job, built)
+            yield job, shards.build(generator, draws, job, built)
 
 
 class _Counts:
@@ -184,14 +177,6 @@ class _Counts:
         for outcome in built:
             self.add(1, isinstance(outcome[0], BuildError))
             yield outcome
-
-
-def _sample(number: int, seed: int, params: dict, built: Mesh | BuildError, seconds: float | None) -> Sample:
-    if not isinstance(built, BuildError):
-        return Sample(number, seed, params, built, seconds)
-    if built.reason == "start":
-        raise built
-    return Sample(number, seed, params, None, None, built.reason, str(built))
 
 
 def _path(folder: Path, job: range) -> Path:

@@ -26,7 +26,8 @@ class Log:
             self._lines.write(json.dumps(asdict(status)) + "\n")
             self._lines.flush()
             for name, value in asdict(status.validation).items() if self._board else ():
-                self._board.add_scalar(f"validation/{name}", value, status.pictures)
+                if value is not None:
+                    self._board.add_scalar(f"validation/{name}", value, status.pictures)
 
     def __enter__(self) -> Log:
         return self

@@ -9,10 +9,13 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import os
+import platform
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import torch
 from safetensors.torch import load_file, save_file
@@ -20,11 +23,12 @@ from torch import Tensor
 
 from dipcg.checkpoint import save_checkpoint
 from dipcg.config import ModelConfig, TrainConfig
-from dipcg.dataset import Batch, Pictures, Shapes, load_shapes, loader
+from dipcg.dataset import Batch, Pictures, Shapes, encoder_input, load_shapes, loader
 from dipcg.diffusion import denoising_loss, guess_loss, with_view
 from dipcg.estimators import AnyEstimator, PaperEstimator, build_estimator
 from dipcg.generators import Generator
 from dipcg.recipes import published_views
+from dipcg.telling import Sentences
 from dipcg.validate import Validation, validate
 
 VALIDATE_EVERY_S = 120.0
@@ -58,8 +62,9 @@ def train(
     torch.manual_seed(config.seed)
     generator, shapes = load_shapes(data, "train")
     run = Run(build_estimator(generator.space, model_config), config, Path(out), generator)
+    run.about = {"shapes": len(shapes.x), "machine": _machine(run.device)}
     checks = _validation_batch(data, run.model, config.seed)
-    batches = iter(loader(_pictures(generator, shapes, run.model, config), config.workers))
+    batches = iter(loader(_input(generator, shapes, run.model, config), config.workers))
     with _processors_left_by(config.workers):
         for status in run.steps(batches, checks):
             report(status)
@@ -90,6 +95,7 @@ class Run:
             self.model.parameters(), 1e-3, (0.9, 0.98), weight_decay=config.weight_decay, fused=True
         )
         self.elapsed_s, self.pictures, self.step, self.best = 0.0, 0, 0, math.inf
+        self.about: dict[str, Any] = {}  # what a card says besides
         self._resume()
 
     @property
@@ -131,15 +137,16 @@ class Run:
         if found.loss <= self.best:
             self.best = found.loss
             about = {"train": asdict(self.config), "pictures": self.pictures, "seconds": round(self.elapsed_s)}
-            save_checkpoint(self.out, self.averaged, self.generator, about | {"validation": asdict(found)})
+            save_checkpoint(self.out, self.averaged, self.generator, self.about | about | {"validation": asdict(found)})
         self._save_state()
         return found
 
     def _loss(self, batch: Batch) -> Tensor:
-        images = batch.images.float() / 255
-        active = with_view(batch.active)
+        images, active = encoder_input(batch.images), with_view(batch.active)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=has_bfloat16(self.device)):
-            features = self.model.encoder(images.contiguous(memory_format=torch.channels_last))
+            if images.ndim == 4:
+                images = images.contiguous(memory_format=torch.channels_last)
+            features = self.model.encoder(images)
             if isinstance(self.model, PaperEstimator):
                 return self.model.loss(features, batch.x)
             guess = self.model.first_guess(features)
@@ -205,10 +212,19 @@ def has_bfloat16(device: torch.device) -> bool:
     return torch.cpu._is_avx512_bf16_supported()
 
 
-def _pictures(generator: Generator, shapes: Shapes, model: AnyEstimator, config: TrainConfig) -> Pictures:
+def _machine(device: torch.device) -> str:
+    if device.type == "cuda":
+        return torch.cuda.get_device_name(device)
+    return f"{os.cpu_count()} cores, {platform.machine()}"
+
+
+def _input(generator: Generator, shapes: Shapes, model: AnyEstimator, config: TrainConfig) -> Pictures | Sentences:
+    """Pictures, or sentences for an encoder that sees none."""
     size = int(model.encoder.image_size)  # type: ignore[arg-type]
+    if not size:
+        return Sentences(generator, shapes, config.batch, config.repeats, config.seed)
     if config.views == "grid":
-        generator = replace(generator, views=published_views(generator.name))
+        generator = replace(generator, views=published_views(generator.name), views_of=None)
     return Pictures(generator, shapes, size, config.batch, config.repeats, config.seed, config.augment)
 
 
@@ -216,7 +232,7 @@ def _validation_batch(data: str | Path, model: AnyEstimator, seed: int) -> Batch
     """The same pictures of unseen shapes for every run, under the conditions of training."""
     generator, shapes = load_shapes(data, "validation")
     config = replace(TrainConfig(), batch=VALIDATION_PICTURES, repeats=1, seed=seed + 1)
-    return next(iter(loader(_pictures(generator, shapes, model, config), 1)))
+    return next(iter(loader(_input(generator, shapes, model, config), 1)))
 
 
 def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:

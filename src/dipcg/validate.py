@@ -9,19 +9,24 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from dipcg.camera import VIEW_NUMBERS
-from dipcg.dataset import Batch
-from dipcg.denoiser import Estimator
+from dipcg.dataset import Batch, encoder_input
 from dipcg.diffusion import denoising_loss, guess_loss, with_view
 from dipcg.encoders import Features
+from dipcg.estimators import AnyEstimator, PaperEstimator
 from dipcg.sampling import sample
+
+PAPER_STEPS = 25  # for one sample of the paper's model, a tenth of what an estimate takes
 
 
 @dataclass(frozen=True)
 class Validation:
-    """Mean absolute error in x of active reals, and share of active choices right, of the guess and of one sample."""
+    """Mean absolute error in x of active reals, and share of active choices right, of the guess and of one sample.
 
-    guess_reals: float
-    guess_choices: float
+    The paper's model makes no guess.
+    """
+
+    guess_reals: float | None
+    guess_choices: float | None
     sample_reals: float
     sample_choices: float
     loss: float
@@ -29,25 +34,29 @@ class Validation:
 
 
 @torch.no_grad()
-def validate(model: Estimator, batch: Batch, seed: int = 0) -> Validation:
+def validate(model: AnyEstimator, batch: Batch, seed: int = 0) -> Validation:
     """Compare the direct guess and one sample per picture with the truth, and give the loss at fixed noise."""
     model.eval()
-    features = model.encoder(batch.images.float() / 255)
-    guess = model.outputs.modes(model.first_guess(features))
+    features = model.encoder(encoder_input(batch.images))
+    paper = isinstance(model, PaperEstimator)
+    guess = (None, None) if paper else _errors(model, model.outputs.modes(model.first_guess(features)), batch)
     noise = torch.randn(batch.x.shape, generator=torch.Generator().manual_seed(seed)).to(batch.x)
-    drawn = model.outputs.modes(sample(model, model.condition(features), noise))
-    return Validation(*_errors(model, guess, batch), *_errors(model, drawn, batch), _loss(model, features, batch, seed))
+    steps = PAPER_STEPS if paper else model.config.steps
+    drawn = model.outputs.modes(sample(model, model.condition(features), noise, steps))
+    return Validation(*guess, *_errors(model, drawn, batch), _loss(model, features, batch, seed))
 
 
-def _loss(model: Estimator, features: Features, batch: Batch, seed: int) -> float:
+def _loss(model: AnyEstimator, features: Features, batch: Batch, seed: int) -> float:
     active = with_view(batch.active)
     with torch.random.fork_rng(devices=[batch.x.device] if batch.x.is_cuda else []):
         torch.manual_seed(seed)
+        if isinstance(model, PaperEstimator):
+            return float(model.loss(features, batch.x))
         denoising = denoising_loss(model, model.condition(features), batch.x, active, lock=0.0)
     return float(guess_loss(model, model.first_guess(features), batch.x, active) + denoising)
 
 
-def _errors(model: Estimator, x: Float[Tensor, "b d"], batch: Batch) -> tuple[float, float]:
+def _errors(model: AnyEstimator, x: Float[Tensor, "b d"], batch: Batch) -> tuple[float, float]:
     off = (x - batch.x).abs()[:, :-VIEW_NUMBERS]
     chosen = model.outputs.is_choice[:-VIEW_NUMBERS]
     return _mean(off, batch.active & ~chosen), _mean((off < 1e-3).float(), batch.active & chosen)

@@ -9,6 +9,7 @@ from dipcg import registry
 WEIGHTS, CARD = "model.safetensors", "card.json"
 RUNS = Path("runs")  # where `dipcg train` puts checkpoints when it is told no other folder
 SHIPPED = Path(__file__).parent / "checkpoints"
+WORDS = SHIPPED / "words"  # those that read sentences instead of pictures
 
 
 class CheckpointError(ValueError):
@@ -37,4 +38,21 @@ def find_checkpoint(name: str) -> Path:
     raise CheckpointError(
         f"There is no trained checkpoint for {name!r} (shipped: {trained}). "
         f"Make one with `dipcg train {name} --data DIR`, or give its folder."
+    )
+
+
+def find_words(name: str) -> Path:
+    """The folder of a checkpoint that reads sentences: the path itself, or the one that ships for a generator.
+
+    Raises LookupError for the name of no generator, CheckpointError when it has none.
+    """
+    for folder in (Path(name), WORDS / name):
+        if (folder / CARD).is_file():
+            return folder
+    if not registry.is_path(name) and "/" not in name:
+        registry.check("generators", name)
+    trained = ", ".join(sorted(card.parent.name for card in WORDS.glob(f"*/{CARD}"))) or "none"
+    raise CheckpointError(
+        f"There is no checkpoint that reads words for {name!r} (shipped: {trained}). "
+        f"Make one with `dipcg train {name} --data DIR --encoder sentence`, or give its folder."
     )

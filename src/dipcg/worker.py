@@ -16,7 +16,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from multiprocessing.connection import Connection, Pipe
 from typing import Any
@@ -39,6 +39,7 @@ class BuildError(RuntimeError):
         self.reason = reason
 
 
+Progress = Callable[[float, str], None]  # the share that is done, and what is done next
 Timed = tuple[Mesh | BuildError, float | None]  # what became of one sample, and the seconds that its worker took
 
 
@@ -54,7 +55,7 @@ class BuildPool:
         self.generator.check_installed()
         self.timeout_s = timeout_s
         self._local = threading.local()
-        self._children: set[_Child] = set()
+        self._children: set[Child] = set()
         self._threads = ThreadPoolExecutor(workers, thread_name_prefix="build")
         self._workers = workers
 
@@ -108,7 +109,7 @@ class BuildPool:
         try:
             child.start()
             started = time.perf_counter()
-            mesh = child.ask(params, detail, self.timeout_s)
+            mesh = child.ask((params, detail), self.timeout_s)
             seconds = time.perf_counter() - started
         except BuildError as error:
             if error.reason not in ("raised", "unusable"):
@@ -119,27 +120,27 @@ class BuildPool:
             self._discard(child)
         return mesh, seconds
 
-    def _child(self) -> _Child:
+    def _child(self) -> Child:
         if getattr(self._local, "child", None) is None:
-            self._local.child = _Child(self.generator.ref)
+            self._local.child = Child(self.generator.ref)
             self._children.add(self._local.child)
         return self._local.child
 
-    def _discard(self, child: _Child) -> None:
+    def _discard(self, child: Child) -> None:
         child.stop()
         self._children.discard(child)
         self._local.child = None
 
 
-class _Child:
-    """One process and the pipe to it; used by one thread."""
+class Child:
+    """One process, which runs a module of ours, and the pipe to it; used by one thread."""
 
-    def __init__(self, ref: str) -> None:
+    def __init__(self, ref: str, module: str = "dipcg.worker") -> None:
         self.builds = 0
         self._ready = False
         self._pipe, theirs = Pipe()
         with theirs:
-            command = [sys.executable, "-m", "dipcg.worker", str(theirs.fileno()), ref]
+            command = [sys.executable, "-m", module, str(theirs.fileno()), ref]
             self._process = subprocess.Popen(
                 command,
                 pass_fds=[theirs.fileno()],
@@ -154,10 +155,11 @@ class _Child:
             self._receive(START_TIMEOUT_S, "start")
             self._ready = True
 
-    def ask(self, params: Params, detail: Detail, timeout_s: float) -> Mesh:
-        self._send((params, detail))
+    def ask(self, request: Any, timeout_s: float, progress: Progress | None = None) -> Any:
+        """The answer to a request; raises BuildError when it takes longer, counted from the last word of progress."""
+        self._send(request)
         self.builds += 1
-        return self._receive(timeout_s, "timeout")
+        return self._receive(timeout_s, "timeout", progress)
 
     def stop(self) -> None:
         self._process.kill()
@@ -168,14 +170,19 @@ class _Child:
         with contextlib.suppress(OSError):  # a dead child is noticed when its answer is awaited
             self._pipe.send(message)
 
-    def _receive(self, timeout_s: float, late: str) -> Any:
+    def _receive(self, timeout_s: float, late: str, progress: Progress | None = None) -> Any:
         try:
             if not self._pipe.poll(timeout_s):
-                raise BuildError(late, f"The build took longer than {timeout_s:g} s and was stopped.")
+                what = "worker did not start within" if late == "start" else "build took longer than"
+                raise BuildError(late, f"The {what} {timeout_s:g} s and was stopped.")
             kind, value = self._pipe.recv()
         except (EOFError, OSError):
             raise BuildError("crashed", f"The worker process died (exit code {self._exit_code()}).") from None
-        if kind in ("ready", "mesh"):
+        if kind == "progress":
+            if progress:
+                progress(*value)
+            return self._receive(timeout_s, late, progress)
+        if kind in ("ready", "done"):
             return value
         raise BuildError("start" if late == "start" else kind, value)
 
@@ -194,7 +201,7 @@ def _outcome(future: Future[tuple[Mesh, float]]) -> Timed:
         return error, None
 
 
-def _die_with_parent() -> None:
+def die_with_parent() -> None:
     """Ask Linux to kill this process when the caller goes, however it goes and whatever is being built by then.
 
     Elsewhere the closed pipe ends the process, after the build it is in.
@@ -209,26 +216,26 @@ def _serve(pipe: Connection, ref: str) -> None:
         generator = load_generator(ref)
         generator.prepare()
     except Exception as error:
-        return pipe.send(("start", f"The generator could not be loaded, {_told(error)}."))
+        return pipe.send(("start", f"The generator could not be loaded, {told(error)}."))
     pipe.send(("ready", None))
     while True:
         params, detail = pipe.recv()
         try:
-            answer = ("mesh", generator.build(params, detail))
+            answer = ("done", generator.build(params, detail))
         except MeshError as error:
             answer = ("unusable", str(error))
         except Exception as error:
-            answer = ("raised", f"The generator raised {_told(error)}.")
+            answer = ("raised", f"The generator raised {told(error)}.")
         pipe.send(answer)
 
 
-def _told(error: Exception) -> str:
+def told(error: Exception) -> str:
     """The kind and the words of an error in one line of bearable length."""
     return f"{type(error).__name__}: {' '.join(str(error).split())[:MOST_LETTERS]}".rstrip(".: ")
 
 
 if __name__ == "__main__":
-    _die_with_parent()
+    die_with_parent()
     with contextlib.suppress(EOFError, BrokenPipeError, KeyboardInterrupt):
         _serve(Connection(int(sys.argv[1])), sys.argv[2])
     os._exit(0)  # Blender's own shutdown is slow and sometimes crashes

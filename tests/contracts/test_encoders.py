@@ -13,9 +13,11 @@ TOLERANCE = {"rtol": 1e-4, "atol": 1e-4}  # convolutions of other batch sizes ad
 
 
 @pytest.fixture(scope="module", params=registry.names("encoders"))
-def encoder(request) -> nn.Module:
+def encoder(request, pretrained) -> nn.Module:
     torch.manual_seed(0)
-    return build_encoder(ModelConfig(encoder=request.param, **CONFIG)).eval()
+    return build_encoder(
+        ModelConfig(encoder=request.param, encoder_weights=pretrained.get(request.param, ""), **CONFIG)
+    ).eval()
 
 
 @pytest.fixture(scope="module")

@@ -151,8 +151,8 @@ def test_light_meshes_have_the_shape_of_full_ones(pool, samples):
 
 def test_every_training_view_frames_it(pool, samples):
     rng = np.random.default_rng(0)
-    for _, mesh in samples:
-        for view in (pool.generator.views.sample(rng) for _ in range(10)):
+    for params, mesh in samples:
+        for view in (pool.generator.seen_from(params).sample(rng) for _ in range(10)):
             to_camera = world_to_camera(view, mesh.centre, mesh.side)
             points = np.c_[mesh.vertices, np.ones(len(mesh.vertices))] @ to_camera.T
             assert points[:, 2].max() < 0, "all of it lies before the camera"

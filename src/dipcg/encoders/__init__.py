@@ -5,13 +5,17 @@ The module takes `Float[Tensor, "b 3 s s"]` in [0, 1], the object on white, s = 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
-from jaxtyping import Float
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
 from torch import Tensor, nn
 
 from dipcg import registry
 from dipcg.config import ModelConfig
+from dipcg.images import over_white
 
 
 class Features(NamedTuple):
@@ -33,3 +37,19 @@ class Encoder(Protocol):
 def build_encoder(config: ModelConfig) -> nn.Module:
     """Build the encoder that the configuration names; raises LookupError for an unknown one."""
     return registry.load("encoders", config.encoder).build(config)
+
+
+def feature_distance(encoder: nn.Module, photo: UInt8[np.ndarray, "s s 4"]) -> Callable[[np.ndarray], float]:
+    """How far a render is from a photo in an encoder's eyes: 1 less the cosine of their tokens, averaged over places.
+
+    Both have the encoder's `image_size` and are cropped to the object. The paper's score for MCMC (section 4.1), which
+    says "feature distance" and no more.
+    """
+
+    @torch.inference_mode()
+    def tokens(image: np.ndarray) -> Tensor:
+        return encoder(torch.from_numpy(over_white(image)).permute(2, 0, 1)[None].float() / 255).tokens
+
+    encoder.eval()
+    wanted = tokens(photo)
+    return lambda render: float(1 - torch.cosine_similarity(tokens(render), wanted, dim=-1).mean())

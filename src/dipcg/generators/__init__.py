@@ -4,6 +4,7 @@ Optional in the file:
 `build_light(params)`, a fast, coarse mesh of the same surface;
 `prepare()`, the slow imports that a worker does once, before it is timed;
 `views`, the range of cameras it is trained with;
+`views_of(params)`, a smaller range for assets that look the same from two sides, so that a picture has one answer;
 `mirrors`, for each parameter that a flipped picture changes, the one it becomes ("-name" where the sign of `x` turns),
 or None where a flipped picture shows no asset of this generator;
 `needs`, the packages to install;
@@ -22,7 +23,7 @@ from typing import Any, Literal
 import numpy as np
 
 from dipcg import registry
-from dipcg.camera import ViewRange
+from dipcg.camera import ViewGrid, ViewRange
 from dipcg.generators._declared import read_declaration
 from dipcg.mesh import Mesh, make_mesh, simplify
 from dipcg.space import ParameterSpace, Params
@@ -42,7 +43,8 @@ class Generator:
     build_full: Callable[[Params], Any]
     build_light: Callable[[Params], Any] | None = None
     prepare: Callable[[], None] = lambda: None
-    views: ViewRange = field(default_factory=ViewRange)
+    views: ViewRange | ViewGrid = field(default_factory=ViewRange)
+    views_of: Callable[[Params], ViewRange] | None = None
     mirrors: Mapping[str, str] | None = field(default_factory=dict)
     needs: tuple[str, ...] = ()
     recycle_after: int = 10_000
@@ -60,6 +62,10 @@ class Generator:
                 f"The generator {self.name!r} needs {' and '.join(self.missing)}: "
                 "run `pip install 'dipcg[infinigen]'` (Python 3.11), then `dipcg doctor`."
             )
+
+    def seen_from(self, params: Params) -> ViewRange | ViewGrid:
+        """The cameras that pictures of an asset are taken from."""
+        return self.views_of(params) if self.views_of else self.views
 
     def mirror(self, x: np.ndarray) -> np.ndarray:
         """The parameters, as `x`, of the asset mirrored left to right."""
@@ -106,4 +112,4 @@ def as_mesh(built: Any) -> Mesh:
     return make_mesh(vertices, faces)
 
 
-_OPTIONAL = ("build_light", "prepare", "views", "mirrors", "needs", "recycle_after", "light_faces")
+_OPTIONAL = ("build_light", "prepare", "views", "views_of", "mirrors", "needs", "recycle_after", "light_faces")

@@ -12,7 +12,9 @@ from types import SimpleNamespace
 from typing import Any
 
 from dipcg.mesh import Mesh
-from dipcg.space import Choice, Parameter, ParameterSpace, Params, Real, did_you_mean
+from dipcg.space import Choice, Parameter, ParameterSpace, Params, Real, Value, did_you_mean
+
+Setting = tuple[str, str, Value]  # socket identifier, component, value: as _geometry_nodes has them
 
 MOST_OPTIONS = 16  # an integer of more values is a rounded real: that many unordered options would be hard to learn
 TOP = ("doc", "blend", "object", "sha256", "mirrors", "parameters")
@@ -40,6 +42,15 @@ def read_declaration(path: Path) -> SimpleNamespace:
         return _declared(tomllib.loads(path.read_text(encoding="utf-8")), path)
     except ValueError as error:  # of UTF-8 and TOML too
         raise ValueError(f"{path}: {error}") from None
+
+
+def live_settings(path: Path, params: Params) -> tuple[str, str, list[Setting]]:
+    """The Blender file of a declaration, the name of the object, and what its modifier's inputs become.
+
+    Raises as `read_declaration` does.
+    """
+    blend, name, places = read_declaration(path).build.args
+    return blend, name, _settings(places, params)
 
 
 def digest(blend: Path) -> str:
@@ -83,8 +94,11 @@ def _prepare(blend: str, name: str) -> None:
 def _build(blend: str, name: str, places: dict[str, tuple[str, str]], params: Params) -> Mesh:
     from dipcg.generators._geometry_nodes import evaluate, open_graph
 
-    settings = [(*places[key], value) for key, value in params.items()]
-    return evaluate(open_graph(blend, name), settings)
+    return evaluate(open_graph(blend, name), _settings(places, params))
+
+
+def _settings(places: dict[str, tuple[str, str]], params: Params) -> list[Setting]:
+    return [(*places[key], value) for key, value in params.items()]
 
 
 def _unchanged(blend: Path, expected: str) -> Path:

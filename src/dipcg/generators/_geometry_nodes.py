@@ -49,16 +49,7 @@ def open_graph(path: str, name: str = "") -> Graph:
 
     Raises ValueError with a sentence for a file that cannot be read, reaches outside itself, or has no such object.
     """
-    import bpy
-
-    _check_magic(path)
-    try:
-        bpy.ops.wm.open_mainfile(filepath=os.path.abspath(path), load_ui=False, use_scripts=False)
-    except RuntimeError as error:
-        reason = str(error).strip().splitlines()[-1].removeprefix("Error: ").rstrip(".")
-        raise ValueError(f"Blender {bpy.app.version_string} cannot open {path}: {reason}.") from None
-    _check_links(path)
-    obj = _find(path, name)
+    obj = _open(path, name)
     _realise_instances(obj)
     return Graph(obj, _modifiers(obj)[0], _layer_of(obj))
 
@@ -86,11 +77,7 @@ def evaluate(graph: Graph, settings: Iterable[Setting]) -> Mesh:
 
     Raises ValueError for an input that the modifier does not have, or when the result has no faces.
     """
-    sockets = {item.identifier: item for item in _sockets(graph.modifier)}
-    for identifier, component, value in settings:
-        if identifier not in sockets:
-            raise ValueError(f"The modifier has no input {identifier!r}.{did_you_mean(identifier, list(sockets))}")
-        _set(graph.modifier, sockets[identifier], component, value)
+    _set_inputs(graph.modifier, settings)
     graph.obj.update_tag()
     graph.layer.update()
     evaluated = graph.obj.evaluated_get(graph.layer.depsgraph)
@@ -98,6 +85,35 @@ def evaluate(graph: Graph, settings: Iterable[Setting]) -> Mesh:
         return _read(evaluated.to_mesh(), np.array(evaluated.matrix_world, np.float32), graph.obj.name)
     finally:
         evaluated.to_mesh_clear()
+
+
+def save_with(_: object, path: str, name: str, settings: Iterable[Setting], target: str) -> None:
+    """Open a Blender file, set inputs of the object's modifier, and save it as another, all else unchanged.
+
+    Raises ValueError with a sentence for a file that cannot be read or written.
+    """
+    from dipcg.generators._studio import save
+
+    modifier = _modifiers(_open(path, name))[0]
+    _set_inputs(modifier, settings)
+    save(target)
+
+
+def _open(path: str, name: str) -> Any:
+    import bpy
+
+    _check_magic(path)
+    try:
+        bpy.ops.wm.open_mainfile(filepath=os.path.abspath(path), load_ui=False, use_scripts=False)
+    except RuntimeError as error:
+        raise ValueError(f"Blender {bpy.app.version_string} cannot open {path}: {_reason(error)}.") from None
+    _check_links(path)
+    return _find(path, name)
+
+
+def _reason(error: RuntimeError) -> str:
+    """What a failed operator says, without its frame."""
+    return str(error).strip().splitlines()[-1].removeprefix("Error: ").rstrip(".")
 
 
 def _check_magic(path: str) -> None:
@@ -211,6 +227,14 @@ def _input(modifier: Any, item: Any, kind: str, options: list[str]) -> dict[str,
 
 def _limit(value: float, scale: float) -> float | None:
     return None if abs(value) >= ENDLESS else value * scale
+
+
+def _set_inputs(modifier: Any, settings: Iterable[Setting]) -> None:
+    sockets = {item.identifier: item for item in _sockets(modifier)}
+    for identifier, component, value in settings:
+        if identifier not in sockets:
+            raise ValueError(f"The modifier has no input {identifier!r}.{did_you_mean(identifier, list(sockets))}")
+        _set(modifier, sockets[identifier], component, value)
 
 
 def _set(modifier: Any, item: Any, component: str, value: Value) -> None:

@@ -1,0 +1,65 @@
+"""The paper's table 2: every recipe trained for the same time on the same shapes, then measured on the same pictures.
+
+Set DIPCG_BENCH_DATA to a folder of `dipcg dataset build`. DIPCG_BENCH_MINUTES (60) of training for each,
+DIPCG_BENCH_SHAPES (100) pictures of the test split, or DIPCG_BENCH_PAIRS a folder of pairs to measure on instead,
+DIPCG_BENCH_RECIPES (all) names, DIPCG_BENCH_FLAGS further flags of `dipcg train` for all, such as `--device cuda`,
+DIPCG_BENCH_OUT (out/ablation) the checkpoints; a recipe whose training was killed goes on.
+"""
+
+import os
+import shlex
+import subprocess
+import sys
+from itertools import islice
+from pathlib import Path
+
+from benchmarks.timing import header, machine, row
+from dipcg.evaluate import Table, evaluate, pair_cases, split_cases
+from dipcg.pipeline import Inverter
+from dipcg.recipes import RECIPES, find_recipe
+from dipcg.store import Store
+
+MINUTES = os.environ.get("DIPCG_BENCH_MINUTES", "60")
+COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "100"))
+PAIRS = os.environ.get("DIPCG_BENCH_PAIRS")
+NAMES = os.environ.get("DIPCG_BENCH_RECIPES", " ".join(RECIPES)).split()
+FLAGS = shlex.split(os.environ.get("DIPCG_BENCH_FLAGS", ""))
+OUT = Path(os.environ.get("DIPCG_BENCH_OUT", "out/ablation"))
+COLUMNS = ("chamfer", "emd", "fscore")
+
+
+def main() -> None:
+    data = os.environ.get("DIPCG_BENCH_DATA")
+    if not data:
+        print("Skipped: set DIPCG_BENCH_DATA to a folder of `dipcg dataset build`.")
+        return
+    print(f"{machine()}; {MINUTES} minutes of training for each recipe\n")
+    header("recipe", "million weights", "CD", "EMD", "F", "published CD", "EMD", "F")
+    for name in NAMES:
+        recipe = find_recipe(name)
+        folder = _train(name, data)
+        with Inverter.load(str(folder), workers=2) as inverter:
+            found = _measure(inverter, data)
+            weights = sum(weight.numel() for weight in inverter.model.denoiser.parameters())
+        ours = [f"{found.mean('estimate', column):.3f}" for column in COLUMNS]
+        theirs = [f"{value:.3f}" for value in recipe.published] if recipe.published else [""] * 3
+        row(name, f"{weights / 1e6:.1f}", *ours, *theirs)
+
+
+def _train(name: str, data: str) -> Path:
+    """In a process of its own: training forks, which OpenGL survives only unused."""
+    words = ["train", Store(data).info["ref"], "--recipe", name, "--data", data, "-o", str(OUT / name)]
+    command = [sys.executable, "-m", "dipcg.cli", *words, "--minutes", MINUTES, *FLAGS]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    return OUT / name / Store(data).info["generator"]
+
+
+def _measure(inverter: Inverter, data: str) -> Table:
+    if PAIRS:
+        pairs = islice(pair_cases(PAIRS, inverter.generator.name), COUNT)
+        return evaluate(inverter, pairs, 2, quarter_turns=True, metrics=list(COLUMNS))
+    return evaluate(inverter, split_cases(data, COUNT), 2, metrics=list(COLUMNS))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,122 @@
+"""Whether spreads and chances can be believed: ranks of the truth among samples, coverage, and reliability of choices.
+
+Simulation-based calibration (Talts et al. 2018) on pictures of a split's unseen shapes (`DIPCG_BENCH_DATA`, a folder of
+`dipcg dataset build`; `DIPCG_BENCH_SPLIT`, test when left out) with the checkpoint that ships for its generator or the
+folder `DIPCG_BENCH_CHECKPOINT`. The figure is written to `DIPCG_BENCH_FIGURE`.
+"""
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.timing import header, machine, row
+from dipcg.evaluate import Case, split_cases
+from dipcg.pipeline import Estimate, Inverter
+from dipcg.space import Real
+from dipcg.store import Store
+
+COUNT = int(os.environ.get("DIPCG_BENCH_PICTURES", "200"))
+FIGURE = Path(os.environ.get("DIPCG_BENCH_FIGURE", "out/calibration.png"))
+SAMPLES = 40  # of each picture
+LEVELS = (0.5, 0.8, 0.9)  # of central intervals
+BINS = 10
+
+
+@dataclass
+class Found:
+    """For each active real the share of samples below the truth; for each active choice its chance, and if right."""
+
+    below: list[float] = field(default_factory=list)
+    chance: list[float] = field(default_factory=list)
+    right: list[bool] = field(default_factory=list)
+
+
+def main() -> None:
+    data = os.environ.get("DIPCG_BENCH_DATA")
+    if not data:
+        return print("Skipped: set DIPCG_BENCH_DATA to a folder of `dipcg dataset build`.")
+    checkpoint = os.environ.get("DIPCG_BENCH_CHECKPOINT") or Store(data).info["generator"]
+    print(machine() + "\n")
+    with Inverter.load(checkpoint) as inverter:
+        found, rng = Found(), np.random.default_rng(0)
+        for case in split_cases(data, COUNT, split=os.environ.get("DIPCG_BENCH_SPLIT", "test")):
+            add(found, case, inverter.estimate(case.image, 1 + SAMPLES), rng)
+    report(found)
+    draw(found, FIGURE)
+    print(f"\nFigure: {FIGURE}")
+
+
+def add(found: Found, case: Case, estimate: Estimate, rng: np.random.Generator) -> None:
+    """Note where the truth lies for every parameter that it has active."""
+    space, truth = estimate.inverter.generator.space, case.params
+    assert truth is not None
+    for parameter in space:
+        name = parameter.name
+        if not space.is_active(name, truth):
+            continue
+        if isinstance(parameter, Real):
+            values = [c.params[name] for c in estimate.candidates[1:] if space.is_active(name, c.params)]
+            below = sum(float(value) < float(truth[name]) for value in values)
+            lower = below + rng.random()  # its place among them is a step wide
+            found.below.append(lower / (len(values) + 1))
+        else:
+            likeliest = max(estimate.chances[name], key=estimate.chances[name].__getitem__)
+            found.chance.append(estimate.chances[name][likeliest])
+            found.right.append(likeliest == truth[name])
+
+
+def coverage(found: Found, level: float) -> float:
+    """The share of true values inside the central interval that should hold `level` of them."""
+    return float((np.abs(np.array(found.below) - 0.5) < level / 2).mean())
+
+
+def reliability(found: Found) -> list[tuple[float, float, int]]:
+    """Mean chance, share right and number of choices, in bins of equal width of the chance."""
+    chance, right = np.array(found.chance), np.array(found.right)
+    where = np.minimum((chance * BINS).astype(int), BINS - 1)
+    inside = [where == number for number in range(BINS)]
+    return [(float(chance[i].mean()), float(right[i].mean()), int(i.sum())) for i in inside if i.any()]
+
+
+def calibration_error(found: Found) -> float:
+    """The expected calibration error (Guo et al. 2017)."""
+    bins = reliability(found)
+    return sum(count * abs(chance - right) for chance, right, count in bins) / sum(count for _, _, count in bins)
+
+
+def report(found: Found) -> None:
+    header("what", "should be", "is")
+    for level in LEVELS:
+        row(f"active reals inside their {100 * level:.0f} % interval", f"{level:.2f}", f"{coverage(found, level):.3f}")
+    row("chance of the likeliest option, mean", f"{np.mean(found.right):.3f}", f"{np.mean(found.chance):.3f}")
+    row("expected calibration error of choices", "0", f"{calibration_error(found):.3f}")
+    print(f"\n{len(found.below)} reals and {len(found.right)} choices of {COUNT} pictures, {SAMPLES} samples each.")
+
+
+def draw(found: Found, path: Path) -> None:
+    """Histogram of ranks, coverage against level, and reliability of choices, side by side."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(12, 3.6), layout="constrained")
+    left.hist(found.below, 20, (0, 1), density=True, color="0.6")
+    left.set(xlabel="share of samples below the truth", ylabel="density", title="ranks of the truth")
+    levels = np.linspace(0, 1, 21)
+    middle.plot(levels, [coverage(found, level) for level in levels], "k.-")
+    middle.set(xlabel="central interval of the samples", ylabel="share of truths inside", title="coverage of reals")
+    chances, shares, _ = zip(*reliability(found), strict=True)
+    right.plot(chances, shares, "k.-")
+    right.set(xlabel="chance of the likeliest option", ylabel="share right", title="reliability of choices")
+    left.axhline(1, color="tab:red")
+    for axes in (middle, right):
+        axes.plot([0, 1], [0, 1], color="tab:red")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=80)
+
+
+if __name__ == "__main__":
+    main()

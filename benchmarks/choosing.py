@@ -1,0 +1,99 @@
+"""What ranking and searching on buy: chamfer distance of the estimate, the best ranked, the best of all, after builds.
+
+On a test split (`DIPCG_BENCH_DATA`) or on pairs of picture and points (`DIPCG_BENCH_PAIRS`), with the checkpoint that
+ships for `DIPCG_BENCH_GENERATOR`, chair when left out, or a folder. Searches are cut off by builds, since seconds
+depend on what else the machine does; the seconds are printed beside them.
+"""
+
+import os
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.timing import header, machine, row
+from dipcg.evaluate import Case, distance, pair_cases, split_cases
+from dipcg.pipeline import Inverter
+from dipcg.rank import rank
+from dipcg.refine import Search
+
+COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "16"))
+AFTER = (16, 32, 64, 96)  # builds of the search
+
+
+@dataclass
+class Rung:
+    """One row of the table: distances of all cases, and the seconds that it took since the row above."""
+
+    distances: list[float]
+    seconds: list[float]
+
+
+def main() -> None:
+    data, pairs = os.environ.get("DIPCG_BENCH_DATA"), os.environ.get("DIPCG_BENCH_PAIRS")
+    checkpoint = os.environ.get("DIPCG_BENCH_GENERATOR", "chair")
+    if not data and not pairs:
+        print("Skipped: set DIPCG_BENCH_DATA or DIPCG_BENCH_PAIRS to a folder.")
+    with Inverter.load(checkpoint, workers=2) as inverter:
+        if data:
+            print(f"{machine()}, test split, {COUNT} shapes:\n")
+            report(measure(inverter, split_cases(data, COUNT), False))
+        if pairs:
+            print(f"\n{machine()}, pairs, at the best of four quarter turns:\n")
+            report(measure(inverter, list(pair_cases(pairs, Path(checkpoint).name))[:COUNT], True))
+
+
+def measure(inverter: Inverter, cases: Iterable[Case], turned: bool) -> dict[str, Rung]:
+    """The rungs of all cases."""
+    rungs: dict[str, Rung] = {}
+    for case in cases:
+        for name, apart, seconds in climb(inverter, case, turned):
+            rung = rungs.setdefault(name, Rung([], []))
+            rung.distances.append(apart)
+            rung.seconds.append(seconds)
+    return rungs
+
+
+def climb(inverter: Inverter, case: Case, turned: bool) -> Iterable[tuple[str, float, float]]:
+    """Name, distance to the truth and seconds of each rung of one case."""
+    started = time.perf_counter()
+    estimate = inverter.estimate(case.image)
+    yield "estimate", distance(inverter.pool.build(estimate.params, "light"), case, turned), _since(started)
+    started = time.perf_counter()
+    ranked = rank(estimate)
+    taken = _since(started)
+    yield "best ranked", distance(ranked.candidates[0].mesh, case, turned), taken
+    yield (
+        f"best of {len(estimate.candidates)} by truth",
+        min(distance(c.mesh, case, turned) for c in ranked.candidates),
+        0,
+    )
+    search = Search(ranked, time.monotonic(), 0)
+    for builds in AFTER:
+        started = time.perf_counter()
+        while search.goes_on(np.inf, builds):
+            search.generation()
+        yield f"after {builds} builds of search", distance(search.best.mesh, case, turned), _since(started)
+    search.judge.close()
+
+
+def report(rungs: dict[str, Rung]) -> None:
+    """Mean distances with the gain over the estimate, whose 95 % interval is bootstrapped over cases in pairs."""
+    first = np.array(rungs["estimate"].distances)
+    header("what", "chamfer", "less than the estimate's by", "seconds")
+    for name, rung in rungs.items():
+        found = np.array(rung.distances)
+        picked = np.random.default_rng(0).integers(len(found), size=(2000, len(found)))
+        low, high = np.percentile(1 - found[picked].mean(1) / first[picked].mean(1), [2.5, 97.5])
+        gain = f"{100 * (1 - found.mean() / first.mean()):.0f} % [{100 * low:.0f}, {100 * high:.0f}]"
+        row(name, f"{found.mean():.4f}", gain, f"{np.mean(rung.seconds):.1f}")
+
+
+def _since(started: float) -> float:
+    return time.perf_counter() - started
+
+
+if __name__ == "__main__":
+    main()

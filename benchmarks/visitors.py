@@ -1,0 +1,150 @@
+"""Visitors of the web app at once: every request answered, memory flat, and a build worker killed in the middle.
+
+`DIPCG_BENCH_VISITORS` and `DIPCG_BENCH_SECONDS` (20 and 120), `DIPCG_BENCH_CHECKPOINT` (chair) set the scale.
+"""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from gradio_client import Client, handle_file
+
+from benchmarks.timing import header, machine, row
+
+VISITORS = int(os.environ.get("DIPCG_BENCH_VISITORS", "20"))
+SECONDS = float(os.environ.get("DIPCG_BENCH_SECONDS", "120"))
+CHECKPOINT = os.environ.get("DIPCG_BENCH_CHECKPOINT", "chair")
+PICTURES = sorted((Path(__file__).parent.parent / "examples/images").glob("*.png"))
+START_S = 300.0
+
+
+@dataclass
+class Seen:
+    """What the visitors saw: seconds of each answer, and what went wrong."""
+
+    estimates: list[float] = field(default_factory=list)
+    edits: list[float] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+
+
+def main() -> None:
+    print(machine() + f"; {VISITORS} visitors for {SECONDS:g} s\n")
+    port, seen = _free_port(), Seen()
+    command = [sys.executable, "-m", "dipcg.cli", "serve", CHECKPOINT, "--port", str(port)]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as server:
+        try:
+            first = _connect(port)
+            _visit(first, 0, Seen())  # everything warm
+            memory = _serve_visitors(server.pid, port, seen)
+        finally:
+            server.send_signal(signal.SIGINT)
+    _report(seen, memory)
+    assert not seen.problems, seen.problems[0]
+
+
+def _serve_visitors(server: int, port: int, seen: Seen) -> list[float]:
+    """Let all visitors work; memory of the server and its workers in MB, at ten moments."""
+    until = time.monotonic() + SECONDS
+    memory = []
+    with ThreadPoolExecutor(VISITORS) as pool:
+        visits = [pool.submit(_keep_visiting, port, number, until, seen) for number in range(VISITORS)]
+        for tenth in range(10):
+            time.sleep(max(0.0, until - SECONDS * (9 - tenth) / 10 - time.monotonic()))
+            memory.append(_memory_mb(server))
+            if tenth == 4:
+                _kill_a_worker(server)
+    for visit in visits:
+        visit.result()
+    return memory
+
+
+def _keep_visiting(port: int, number: int, until: float, seen: Seen) -> None:
+    client = _connect(port)
+    while time.monotonic() < until:
+        try:
+            _visit(client, number, seen)
+        except Exception as error:
+            seen.problems.append(f"visitor {number}: {type(error).__name__}: {error}")
+
+
+def _visit(client: Client, number: int, seen: Seen) -> None:
+    """A picture to candidates, then one edit built in light detail, and the file opened."""
+    picture = handle_file(PICTURES[number % len(PICTURES)])
+    started = time.perf_counter()
+    found = client.predict(picture, "", 8, number, {}, api_name="/estimate")
+    seen.estimates.append(time.perf_counter() - started)
+    params = found["candidates"][-1]["params"]
+    started = time.perf_counter()
+    file = client.predict(found["generator"], params, ".glb", True, api_name="/build")
+    seen.edits.append(time.perf_counter() - started)
+    opened: Any = trimesh.load(file)
+    assert len(opened.geometry) > 0
+
+
+def _report(seen: Seen, memory: list[float]) -> None:
+    header("what", "answers", "median s", "95 % s")
+    for what, taken in (("picture to 8 ranked candidates", seen.estimates), ("parameters to a light GLB", seen.edits)):
+        row(what, len(taken), *(f"{np.percentile(taken, share):.2f}" for share in (50, 95)))
+    print(f"\nErrors or lost results: {len(seen.problems)}, with one build worker killed half-way.")
+    print(f"Memory of server and workers, MB: {', '.join(f'{m:.0f}' for m in memory)}.")
+
+
+def _kill_a_worker(server: int) -> None:
+    workers = [pid for pid in _descendants(server) if "dipcg.worker" in _file(pid, "cmdline")]
+    os.kill(workers[0], signal.SIGKILL)
+
+
+def _memory_mb(server: int) -> float:
+    pages = [_file(pid, "statm").split() for pid in (server, *_descendants(server))]
+    return sum(int(found[1]) for found in pages if found) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def _descendants(pid: int) -> list[int]:
+    children = [int(child) for task in Path(f"/proc/{pid}/task").glob("*") for child in _words(task / "children")]
+    return children + [below for child in children for below in _descendants(child)]
+
+
+def _words(path: Path) -> list[str]:
+    try:
+        return path.read_text().split()
+    except OSError:  # the thread has ended meanwhile
+        return []
+
+
+def _file(pid: int, name: str) -> str:
+    try:
+        return Path(f"/proc/{pid}/{name}").read_text()
+    except OSError:
+        return ""
+
+
+def _connect(port: int) -> Client:
+    until = time.monotonic() + START_S
+    while True:
+        try:
+            return Client(f"http://127.0.0.1:{port}", verbose=False)
+        except Exception:
+            if time.monotonic() > until:
+                raise
+            time.sleep(1)
+
+
+def _free_port() -> int:
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        return found.getsockname()[1]
+
+
+if __name__ == "__main__":
+    threading.excepthook = lambda args: None  # Gradio's heartbeat threads end with their server
+    main()

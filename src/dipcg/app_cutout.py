@@ -1,0 +1,66 @@
+"""The cut-out that the model will see, and how a visitor corrects it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from jaxtyping import UInt8
+
+from dipcg.images import ImageError, Source, crop_to_object, cut_by_colour, cut_out, load_image
+
+How = Literal["automatic", "by colour", "own mask", "nothing"]
+HOWS: tuple[str, ...] = get_args(How)
+SIDE = 320  # of the picture that is shown
+
+
+@dataclass(frozen=True)
+class Correction:
+    """How to cut: `difference` from the background's colour in CIELAB, or a `mask`, light where the object is."""
+
+    how: How = "automatic"
+    difference: float = 14.0
+    mask: Source | None = None
+
+
+def corrected(source: Source, correction: Correction) -> UInt8[np.ndarray, "H W 4"]:
+    """The picture with what a visitor cut away made transparent; as it is when cutting is left to the model.
+
+    Raises images.ImageError with a sentence.
+    """
+    image = load_image(source)
+    if correction.how == "by colour":
+        return cut_by_colour(image, correction.difference)
+    if correction.how == "own mask":
+        return _masked(image, correction.mask)
+    if correction.how == "nothing":
+        return _marked_as_cut(image)
+    return image
+
+
+def shown(image: UInt8[np.ndarray, "h w 4"]) -> tuple[UInt8[np.ndarray, "s s 4"], str]:
+    """The cut-out as the model will see it, and in words how it was made; raises images.ImageError."""
+    cut, background = cut_out(image)
+    how = {
+        "alpha": "Cut out by its transparency.",
+        "plain": "Cut out from a plain background.",
+        "photo": "Cut out of a photograph; look whether all of it is there.",
+    }[background]
+    return crop_to_object(cut, SIDE), how
+
+
+def _masked(image: UInt8[np.ndarray, "h w 4"], mask: Source | None) -> UInt8[np.ndarray, "h w 4"]:
+    import cv2
+
+    if mask is None:
+        raise ImageError("Add the mask first: a picture that is light where the object is, and dark elsewhere.")
+    given = load_image(mask)
+    light = (given[..., :3].mean(-1) * (given[..., 3] / 255)).astype(np.uint8)
+    alpha = cv2.resize(light, image.shape[1::-1], interpolation=cv2.INTER_AREA)
+    return np.dstack([image[..., :3], np.where(alpha > 127, alpha, 0).astype(np.uint8)])
+
+
+def _marked_as_cut(image: UInt8[np.ndarray, "h w 4"]) -> UInt8[np.ndarray, "H W 4"]:
+    """All of the picture kept: a transparent border says that it was cut out already."""
+    return np.pad(image, ((max(4, len(image) // 64),) * 2, (max(4, image.shape[1] // 64),) * 2, (0, 0)))

@@ -1,0 +1,115 @@
+"""A folder of pictures to a folder of assets with a page that shows them all; a second run does what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from urllib.parse import quote
+
+PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
+PAGE = "index.html"
+
+
+class BatchError(ValueError):
+    """A folder that cannot be worked through, with a sentence that says why and what to do."""
+
+
+@dataclass(frozen=True)
+class Files:
+    """What is written for one picture; the preview comes last."""
+
+    asset: Path
+    params: Path
+    preview: Path
+
+    @property
+    def done(self) -> bool:
+        return all(path.is_file() for path in (self.asset, self.params, self.preview))
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Pictures by name, and the files that become of each in the folder `out`."""
+
+    out: Path
+    files: Mapping[Path, Files]
+
+    @property
+    def waiting(self) -> list[Path]:
+        """The pictures of which something is missing."""
+        return [picture for picture, files in self.files.items() if not files.done]
+
+    def write_page(self, problems: Mapping[Path, str]) -> Path:
+        """Write the page with every picture, done, failed or not there yet."""
+        cards = "\n".join(_card(picture, files, problems.get(picture)) for picture, files in self.files.items())
+        done = sum(files.done for files in self.files.values())
+        title = f"{done} of {len(self.files)} pictures" + (f", {len(problems)} failed" if problems else "")
+        page = self.out / PAGE
+        page.with_suffix(".part").write_text(TEMPLATE.format(title=title, cards=cards), encoding="utf-8")
+        return page.with_suffix(".part").replace(page)  # whoever has it open never sees half of it
+
+
+def open_batch(pictures: Path, out: Path, suffix: str = ".glb") -> Batch:
+    """The batch of a folder of pictures; makes the folder for what becomes of them.
+
+    Raises BatchError for a folder without pictures, for two pictures of one name, and when `out` is a file.
+    """
+    found = sorted(path for path in pictures.iterdir() if path.suffix.lower() in PICTURES)
+    if not found:
+        raise BatchError(f"{pictures} has no pictures; they end in {', '.join(PICTURES)}.")
+    names = [path.stem for path in found]
+    twice = next((path for path in found if names.count(path.stem) > 1), None)
+    if twice:
+        raise BatchError(
+            f"{pictures} has several pictures named {twice.stem}, after which files are named; rename one."
+        )
+    if out.absolute() == pictures.absolute():
+        raise BatchError(f"{out} holds the pictures; choose another folder to write to.")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BatchError(f"The folder {out} cannot be made ({error.strerror}).") from None
+    return Batch(out, {path: _files(out, path.stem, suffix) for path in found})
+
+
+def _files(out: Path, stem: str, suffix: str) -> Files:
+    return Files(out / f"{stem}{suffix}", out / f"{stem}.json", out / f"{stem}.preview.png")
+
+
+def _card(picture: Path, files: Files, problem: str | None) -> str:
+    name = escape(picture.name)
+    if problem:
+        return f'<article class="failed"><h2>{name}</h2><p>{escape(problem)}</p></article>'
+    if not files.done:
+        return f'<article class="waiting"><h2>{name}</h2><p>not estimated yet</p></article>'
+    asset, params, preview = (quote(path.name) for path in (files.asset, files.params, files.preview))
+    links = f'<a href="{asset}">{escape(files.asset.name)}</a> · <a href="{params}">parameters</a>'
+    drawn = f'<img src="{preview}" alt="{name}, its estimate from the same camera, and turned" loading="lazy">'
+    return f"<article><h2>{name}</h2>{drawn}<p>{links}</p></article>"
+
+
+TEMPLATE = """<!doctype html>
+<html lang="en">
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{title}</title>
+<style>
+  body {{ font: 15px/1.5 system-ui, sans-serif; margin: 24px; color: #222; background: #fafafa; }}
+  main {{ display: grid; grid-template-columns: repeat(auto-fill, minmax(min(420px, 100%), 1fr)); gap: 16px; }}
+  article {{ background: #fff; border: 1px solid #ddd; border-radius: 8px; padding: 12px 16px; }}
+  article.failed {{ border-color: #c33; background: #fff5f5; }}
+  article.waiting {{ color: #777; }}
+  h1 {{ font-size: 20px; }}
+  h2 {{ font-size: 15px; margin: 0 0 8px; overflow-wrap: anywhere; }}
+  img {{ width: 100%; height: auto; }}
+  p {{ margin: 8px 0 0; overflow-wrap: anywhere; }}
+</style>
+<h1>{title}</h1>
+<p>Each row: the picture as the estimator saw it, the asset from the same camera, and turned by 60°.</p>
+<main>
+{cards}
+</main>
+</html>
+"""

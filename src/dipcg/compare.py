@@ -1,0 +1,82 @@
+"""How well a render matches a picture: silhouettes and lines, both cropped to the object as `images.prepare` does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float32, UInt8
+
+from dipcg.images import Background, crop_to_object, edges
+
+SIDE = 128  # of the pictures compared
+REACH = 0.06  # share of the side beyond which two lines do not belong together
+SOFT = 0.02  # of the side, the blur of silhouettes: a thin board a little off would overlap nowhere
+THICK = 0.03  # share of the side; what is nowhere thicker is a line drawing, and its silhouette means nothing
+
+
+@dataclass(frozen=True)
+class Match:
+    """`silhouette`: intersection over union, softened. `lines`: 1 where they coincide, 0 where none is within `REACH`.
+
+    Both are from 0 to 1; `silhouette` is None when the picture has none to trust.
+    """
+
+    silhouette: float | None
+    lines: float
+
+    @property
+    def agreement(self) -> float:
+        """One number from 0 to 1: the mean of what can be trusted."""
+        return self.lines if self.silhouette is None else (self.silhouette + self.lines) / 2
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What is compared of a picture, computed once: blurred coverage, lines, and the distance to the nearest line."""
+
+    coverage: Float32[np.ndarray, "s s"]
+    lines: Bool[np.ndarray, "s s"]
+    distance: Float32[np.ndarray, "s s"]
+
+
+def outline(image: UInt8[np.ndarray, "s s 4"]) -> Outline:
+    """Coverage and lines of a picture that is already cropped to the object."""
+    import cv2
+
+    drawn = edges(image)[..., 0]
+    reach = REACH * len(image)
+    distance = np.minimum(cv2.distanceTransform(drawn, cv2.DIST_L2, 3), reach) / reach
+    coverage = cv2.GaussianBlur(image[..., 3].astype(np.float32) / 255, (0, 0), SOFT * len(image))
+    return Outline(np.asarray(coverage), drawn == 0, distance.astype(np.float32))
+
+
+class Picture:
+    """A picture that many renders are compared with."""
+
+    def __init__(self, image: UInt8[np.ndarray, "s s 4"], background: Background) -> None:
+        cropped = crop_to_object(image, SIDE)
+        self.outline = outline(cropped)
+        # GrabCut loses legs and keeps shadows; what it leaves is compared by lines alone, as a line drawing is.
+        self.has_silhouette = background != "photo" and not _is_line_drawing(cropped)
+
+    def match(self, render: UInt8[np.ndarray, "s s 4"]) -> Match:
+        """Compare a render of the side `SIDE` with the picture."""
+        theirs, ours = self.outline, outline(render)
+        overlap = None
+        if self.has_silhouette:
+            both, either = np.minimum(theirs.coverage, ours.coverage), np.maximum(theirs.coverage, ours.coverage)
+            overlap = float(both.sum() / max(float(either.sum()), 1.0))
+        apart = (_mean(theirs.distance, ours.lines) + _mean(ours.distance, theirs.lines)) / 2
+        return Match(overlap, 1 - apart)
+
+
+def _is_line_drawing(image: UInt8[np.ndarray, "s s 4"]) -> bool:
+    import cv2
+
+    inside = cv2.distanceTransform((image[..., 3] > 127).astype(np.uint8), cv2.DIST_L2, 3)
+    return float(inside.max()) < THICK / 2 * len(image)
+
+
+def _mean(values: Float32[np.ndarray, "s s"], where: Bool[np.ndarray, "s s"]) -> float:
+    return float(values[where].mean()) if where.any() else 1.0

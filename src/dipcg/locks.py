@@ -1,0 +1,64 @@
+"""Parameters that are held while the rest is estimated: checked, and what they need of the others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from dipcg.space import ParameterSpace, Params, Value
+
+Options = tuple[Value, ...]
+
+
+def check_kept(space: ParameterSpace, keep: Mapping[str, Any]) -> Params:
+    """The values to hold, read and checked.
+
+    Raises ValueError for an unknown name, a value out of range, one that would do nothing beside another, and two that
+    need different options of the same choice.
+    """
+    kept = {name: space.find(name)[1].check(value) for name, value in keep.items()}
+    needed(space, kept)
+    return kept
+
+
+def needed(space: ParameterSpace, kept: Params) -> dict[str, Options]:
+    """For each choice that is not held itself: the options under which everything held does something."""
+    left: dict[str, tuple[str, Options]] = {}
+    for name in kept:
+        for choice, allowed in _conditions(space, name):
+            if choice in kept:
+                _check_holds(name, choice, allowed, kept[choice])
+            else:
+                left[choice] = _narrowed(name, choice, allowed, left.get(choice))
+    return {choice: options for choice, (_, options) in left.items()}
+
+
+def _conditions(space: ParameterSpace, name: str) -> Iterator[tuple[str, Options]]:
+    """Every condition of a parameter and of the choices that it depends on."""
+    for choice, allowed in space[name].when.items():
+        yield choice, allowed
+        yield from _conditions(space, choice)
+
+
+def _check_holds(name: str, choice: str, allowed: Options, value: Value) -> None:
+    if value not in allowed:
+        raise ValueError(
+            f"{name} does nothing when {choice} is {value}; hold only one of the two, or "
+            f"{choice} at {_listed(allowed)}."
+        )
+
+
+def _narrowed(name: str, choice: str, allowed: Options, before: tuple[str, Options] | None) -> tuple[str, Options]:
+    if before is None:
+        return name, allowed
+    both = tuple(option for option in before[1] if option in allowed)
+    if not both:
+        raise ValueError(
+            f"{before[0]} and {name} cannot both be held: {before[0]} needs {choice} to be {_listed(before[1])}, "
+            f"{name} needs {_listed(allowed)}."
+        )
+    return name, both
+
+
+def _listed(options: Options) -> str:
+    return " or ".join(map(str, options))

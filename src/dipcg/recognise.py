@@ -1,0 +1,55 @@
+"""Which generator makes what a picture shows: each estimator tries, and the one that matches best is the likeliest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+
+import numpy as np
+
+from dipcg.generators import load_generator
+from dipcg.images import Source, load_image
+from dipcg.pipeline import Inverter
+from dipcg.rank import rank
+from dipcg.weights import CheckpointError, shipped
+
+TRIED = 4  # candidates of each generator
+TEMPERATURE = 0.03  # of agreement: what makes one generator e times as likely as another; see docs/results.md
+
+
+def recognise(
+    image: Source, inverters: Mapping[str, Inverter] | None = None, candidates: int = TRIED
+) -> list[tuple[str, float]]:
+    """The generators with the chance that each makes what the picture shows, the likeliest first.
+
+    Without `inverters` those that ship and can be built here are loaded. Raises images.ImageError for a picture that
+    cannot be used and weights.CheckpointError when there is no estimator to ask.
+    """
+    picture = load_image(image)
+    with ExitStack() as stack:
+        asked = inverters or {name: stack.enter_context(Inverter.load(name)) for name in recognisable()}
+        agreements = {name: _agreement(inverter, picture, candidates) for name, inverter in asked.items()}
+    return chances(agreements)
+
+
+def recognisable() -> list[str]:
+    """The generators with a checkpoint that can be built here; raises weights.CheckpointError when there is none."""
+    names = [name for name in shipped() if not load_generator(name).missing]
+    if not names:
+        raise CheckpointError(
+            "No generator with a trained checkpoint can be built here, so none can be recognised; "
+            "run `dipcg doctor`, or name a folder with a checkpoint with -g."
+        )
+    return names
+
+
+def chances(agreements: Mapping[str, float]) -> list[tuple[str, float]]:
+    """A softmax of the agreements over `TEMPERATURE`, the likeliest first."""
+    weights = np.exp((np.array(list(agreements.values())) - max(agreements.values())) / TEMPERATURE)
+    shares = (weights / weights.sum()).tolist()
+    return sorted(zip(agreements, shares, strict=True), key=lambda pair: -pair[1])
+
+
+def _agreement(inverter: Inverter, image: Source, candidates: int) -> float:
+    best = rank(inverter.estimate(image, candidates)).candidates[0].agreement
+    return 0.0 if best is None else best

@@ -1,0 +1,125 @@
+"""A mesh as files hold it: each part with a normal, and where it has maps a place on them, for every vertex."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Float32, Int, Int32, UInt8
+
+from dipcg.mesh import Mesh
+
+CREASE_DEG = 35.0  # faces that meet at more than this are drawn with an edge between them
+
+
+@dataclass(frozen=True)
+class Maps:
+    """Square pictures of what a surface is made of, and for each corner of each face where it lies on them.
+
+    `uv` has its origin at the lower left, `corners` are normals; `base_colour` is sRGB, `normal` in tangent space with
+    +Y up, the rest linear.
+    """
+
+    uv: Float32[np.ndarray, "f 3 2"]
+    corners: Float32[np.ndarray, "f 3 3"]
+    base_colour: UInt8[np.ndarray, "s s 3"]
+    roughness: UInt8[np.ndarray, "s s"]
+    metallic: UInt8[np.ndarray, "s s"]
+    normal: UInt8[np.ndarray, "s s 3"]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One part with its number in the mesh; vertices are split where normals or places on the maps differ."""
+
+    part: int
+    name: str
+    vertices: Float32[np.ndarray, "v 3"]
+    normals: Float32[np.ndarray, "v 3"]
+    faces: Int32[np.ndarray, "f 3"]
+    uv: Float32[np.ndarray, "v 2"] | None = None
+
+
+def pieces(mesh: Mesh, maps: Maps | None = None) -> Iterator[Piece]:
+    """Each part that has faces with some area, under a name of its own."""
+    corners, solid = corner_normals(mesh) if maps is None else maps.corners, _areas(mesh) > 1e-14
+    for part, name in enumerate(unique_names(mesh.part_names)):
+        here = np.flatnonzero(solid & (mesh.parts == part))
+        if len(here):
+            yield _piece(part, name, mesh.vertices[mesh.faces[here]], corners[here], maps and maps.uv[here])
+
+
+def corner_normals(mesh: Mesh, crease_deg: float = CREASE_DEG) -> Float32[np.ndarray, "f 3 3"]:
+    """For each corner of each face the mean, by area, of the normals around it that turn less than the crease."""
+    corners = mesh.vertices[mesh.faces].astype(float)
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    unit = _unit(cross)
+    total = np.zeros((3 * len(cross), 3))
+    for corner, face, other in _neighbours(_places(mesh.vertices)[mesh.faces].ravel()):
+        near = np.einsum("ij,ij->i", unit[face], unit[other]) > np.cos(np.radians(crease_deg))
+        total[corner[near]] += cross[other[near]]
+    smooth = _unit(np.where((total**2).sum(1, keepdims=True) > 0, total, np.repeat(unit, 3, axis=0)))
+    return smooth.reshape(-1, 3, 3).astype(np.float32)
+
+
+def unique_names(names: tuple[str, ...]) -> list[str]:
+    """The same names, a number behind those that were there already."""
+    found: list[str] = []
+    for name in names:
+        number = 2
+        unique = name
+        while unique in found:
+            unique, number = f"{name}_{number}", number + 1
+        found.append(unique)
+    return found
+
+
+def _neighbours(places: Int[np.ndarray, " c"]) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Every corner with its face and with a face at the same place, itself included: one such face for each at a time.
+
+    The work follows the number of pairs, the memory the number of corners.
+    """
+    order = np.argsort(places, kind="stable")
+    count = np.bincount(places)
+    first, count = (np.cumsum(count) - count)[places[order]], count[places[order]]
+    rank = np.arange(len(order)) - first
+    for step in range(int(count.max())):
+        open_ = np.flatnonzero(count > step)
+        other = order[first[open_] + (rank[open_] + step) % count[open_]]
+        yield order[open_], order[open_] // 3, other // 3
+
+
+def _places(vertices: Float32[np.ndarray, "v 3"]) -> Int[np.ndarray, " v"]:
+    """A number for each place at which there are vertices."""
+    return _same(vertices + np.float32(0))[1]  # -0 becomes 0
+
+
+def _piece(part: int, name: str, positions: np.ndarray, normals: np.ndarray, uv: np.ndarray | None) -> Piece:
+    columns = [positions.reshape(-1, 3), np.round(normals.reshape(-1, 3), 3)]
+    columns += [] if uv is None else [uv.reshape(-1, 2)]
+    first, faces = _same(np.column_stack(columns).astype(np.float32) + np.float32(0))
+    places = None if uv is None else uv.reshape(-1, 2)[first].astype(np.float32)
+    vertices, split = columns[0][first].astype(np.float32), normals.reshape(-1, 3)[first].astype(np.float32)
+    return Piece(part, name, vertices, split, faces.reshape(-1, 3).astype(np.int32), places)
+
+
+def _same(rows: Float32[np.ndarray, "n k"]) -> tuple[Int[np.ndarray, " u"], Int[np.ndarray, " n"]]:
+    """The first of each set of equal rows, and for each row which set it is in; by a number of 64 bits for each row."""
+    multipliers = np.random.default_rng(0).integers(1, 2**63, rows.shape[1], np.uint64) | np.uint64(1)
+    keys = np.zeros(len(rows), np.uint64)
+    for column, multiplier in zip(np.ascontiguousarray(rows.T).view(np.uint32), multipliers, strict=True):
+        keys = (keys ^ column) * multiplier
+        keys ^= keys >> np.uint64(29)
+    _, first, member = np.unique(keys, return_index=True, return_inverse=True)
+    return first, member.ravel()
+
+
+def _areas(mesh: Mesh) -> Float[np.ndarray, " f"]:
+    a, b, c = (mesh.vertices[mesh.faces[:, i]].astype(float) for i in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+
+def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.where(length > 0, vectors / np.where(length > 0, length, 1), [0.0, 0.0, 1.0])

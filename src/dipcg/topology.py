@@ -1,0 +1,42 @@
+"""How clean a mesh is: triangles, holes, edges where more than two faces meet, and the quads of its file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dipcg.mesh import Mesh, weld
+
+
+@dataclass(frozen=True)
+class Topology:
+    """Counts over the mesh with vertices at one place merged."""
+
+    triangles: int
+    open_edges: int
+    """of one face alone: where the surface ends"""
+    non_manifold_edges: int
+    """of more than two faces"""
+
+    @property
+    def watertight(self) -> bool:
+        """Whether every edge lies between two faces."""
+        return not self.open_edges and not self.non_manifold_edges
+
+
+def topology(mesh: Mesh) -> Topology:
+    """Count edges by the number of their faces; vertices within 1/100,000 of the longest side are one."""
+    faces = weld(mesh).faces
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    _, sharing = np.unique(edges, axis=0, return_counts=True)
+    return Topology(len(mesh.faces), int((sharing == 1).sum()), int((sharing > 2).sum()))
+
+
+def quads_in(path: Path) -> float | None:
+    """The share of an OBJ file's faces that have four corners; None for formats that have triangles alone."""
+    if path.suffix.lower() != ".obj":
+        return None
+    corners = [len(line.split()) - 1 for line in path.read_text().splitlines() if line.startswith("f ")]
+    return corners.count(4) / len(corners) if corners else None

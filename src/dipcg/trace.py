@@ -1,0 +1,115 @@
+"""What a search leaves behind: a line for every call of the generator, a plot, and the best so far as pictures."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import UInt8
+
+MARKS = (100, 500, 1000, 2000, 5000, 10_000)  # the paper's figure 5
+Tile = UInt8[np.ndarray, "s s 3"]
+
+
+@dataclass(frozen=True)
+class Line:
+    """One call: seconds since the search began, its score, and the best so far."""
+
+    seconds: float
+    score: float
+    best: float
+
+
+class Trace:
+    """`trace.jsonl` in a folder, beside the settings that every line depends on; opens what is there and goes on.
+
+    Raises ValueError when the folder holds the trace of other settings.
+    """
+
+    def __init__(self, folder: Path, settings: dict[str, Any]) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.lines: list[Line] = []
+        self._path, about = folder / "trace.jsonl", folder / "search.json"
+        if about.is_file() and (before := json.loads(about.read_text())) != settings:
+            changed = ", ".join(key for key in settings if before.get(key) != settings[key])
+            raise ValueError(
+                f"{folder} holds another search (different {changed}); choose another folder or delete it."
+            )
+        about.write_text(json.dumps(settings, indent=1))
+        for line in self._whole_lines():
+            self._append(line["seconds"], math.inf if line["score"] is None else line["score"])
+        self._path.write_text("".join(_written(line) for line in self.lines))
+        self._file = self._path.open("a")
+
+    @property
+    def scores(self) -> list[float]:
+        return [line.score for line in self.lines]
+
+    @property
+    def seconds(self) -> float:
+        return self.lines[-1].seconds if self.lines else 0.0
+
+    def add(self, seconds: float, score: float) -> None:
+        """Append one call; it is on disk when this returns."""
+        self._file.write(_written(self._append(seconds, score)))
+        self._file.flush()
+
+    def close(self) -> None:
+        self._file.close()
+
+    def _append(self, seconds: float, score: float) -> Line:
+        self.lines.append(Line(seconds, score, min(score, self.lines[-1].best if self.lines else math.inf)))
+        return self.lines[-1]
+
+    def _whole_lines(self) -> list[dict[str, Any]]:
+        """All lines but one cut short by a kill."""
+        if not self._path.is_file():
+            return []
+        return [json.loads(line) for line in self._path.read_text().splitlines(keepends=True) if line.endswith("\n")]
+
+
+def marks(calls: int) -> list[int]:
+    """The calls at which a search of this length is looked at."""
+    return [mark for mark in MARKS if mark < calls] + [calls]
+
+
+def plot_traces(traces: dict[str, Sequence[Line]], path: str | Path) -> None:
+    """The best score over calls and over seconds, a line for each search; needs matplotlib."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise RuntimeError("Plots need matplotlib: run `pip install matplotlib`.") from None
+    figure = Figure((9, 3.6), layout="constrained")
+    over_calls, over_seconds = figure.subplots(1, 2, sharey=True)
+    for name, lines in traces.items():
+        best = [line.best for line in lines]
+        over_calls.step(range(1, len(best) + 1), best, where="post", label=name)
+        over_seconds.step([max(line.seconds, 1e-2) for line in lines], best, where="post", label=name)
+    for axes, label in ((over_calls, "calls of the generator"), (over_seconds, "seconds")):
+        axes.set(xlabel=label, xscale="log")
+        axes.grid(alpha=0.3)
+    over_calls.set_ylabel("best distance so far")
+    over_calls.legend()
+    figure.savefig(path, dpi=110)
+
+
+def labelled(tile: Tile, text: str) -> UInt8[np.ndarray, "h s 3"]:
+    """A tile with a line of text below."""
+    import cv2
+
+    side = tile.shape[1]
+    strip, font, scale = np.full((side // 9, side, 3), 255, np.uint8), cv2.FONT_HERSHEY_SIMPLEX, side / 512
+    (width, height), _ = cv2.getTextSize(text, font, scale, 1)
+    at = ((side - width) // 2, (len(strip) + height) // 2)
+    cv2.putText(strip, text, at, font, scale, (0, 0, 0), 1, cv2.LINE_AA)
+    return np.concatenate([tile, strip])
+
+
+def _written(line: Line) -> str:
+    score = line.score if math.isfinite(line.score) else None
+    return json.dumps({"seconds": round(line.seconds, 3), "score": score}) + "\n"

@@ -1,0 +1,47 @@
+"""What tests of ranking and refining share: pictures of one box, and an estimator that knows nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from dipcg.camera import View
+from dipcg.compare import SIDE
+from dipcg.config import ModelConfig
+from dipcg.denoiser import Estimator
+from dipcg.generators import load_generator
+from dipcg.images import MARGIN
+from dipcg.pipeline import Candidate, Estimate, Inverter
+from dipcg.render import Renderer, sample_look
+from dipcg.space import Params, Real
+
+BOX = load_generator("box").space
+TINY = ModelConfig(width=16, depth=1, heads=2, summary=16)
+TRUTH: Params = {"width": 0.5, "depth": 0.8, "height": 0.4, "top": "pyramid", "lid_height": 0.3, "overhang": 0.1}
+TRUTH |= {"has_legs": True, "leg_height": 0.3}
+VIEW = View(30.0, 20.0, 2.5)
+
+
+def untrained(generator: str) -> Inverter:
+    torch.manual_seed(0)
+    found = load_generator(generator)
+    return Inverter(Estimator(found.space, TINY), found)
+
+
+def picture(inverter: Inverter, params: Params = TRUTH, seed: int = 0) -> np.ndarray:
+    """A picture with random colours and lights, as in training."""
+    mesh, renderer = inverter.pool.build(params), Renderer(SIDE)
+    image = renderer.render(mesh, VIEW, sample_look(np.random.default_rng(seed), len(mesh.part_names)), MARGIN)
+    renderer.close()
+    return np.ascontiguousarray(image)
+
+
+def among(inverter: Inverter, image: np.ndarray, *candidates: Params, view: View = VIEW) -> Estimate:
+    """An estimate with these candidates in place of its own, and reals known to a tenth of their range."""
+    found = [Candidate(params, view) for params in candidates]
+    spread = {p.name: (p.high - p.low) / 10 for p in inverter.generator.space if isinstance(p, Real)}
+    return replace(inverter.estimate(image, candidates=1, steps=1), candidates=found, expected=found[0], spread=spread)
+
+
+def with_changes(**changes: object) -> Params:
+    return BOX.replace(TRUTH, changes)

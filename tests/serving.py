@@ -1,0 +1,30 @@
+"""What tests of the app share: a server over the toy with a network that knows nothing but has many opinions."""
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import torch
+from boxes import untrained
+
+from dipcg.app import build_page, launch
+from dipcg.app_studio import Studio
+from dipcg.checkpoint import save_checkpoint
+
+
+def box_checkpoint(folder: Path) -> str:
+    inverter = untrained("box")
+    for weight in (inverter.model.denoiser.read, inverter.model.denoiser.read_options):
+        torch.nn.init.normal_(weight)
+    save_checkpoint(folder, inverter.model, inverter.generator, {})
+    return str(folder)
+
+
+@contextlib.contextmanager
+def serving(studio: Studio, folder: Path) -> Iterator[str]:
+    """The address of a server with the page of a studio."""
+    page = build_page(studio, folder)
+    try:
+        yield launch(page, quiet=True, prevent_thread_lock=True)
+    finally:
+        page.close(verbose=False)

@@ -1,0 +1,214 @@
+"""The app in a real browser, Debian's Chromium without a screen: what a visitor does, on a desk and on a phone.
+
+Screenshots are left in out/screenshots for people to look at.
+"""
+
+import shutil
+from pathlib import Path
+
+import pytest
+import trimesh
+from boxes import BOX, TRUTH, VIEW
+from playwright.sync_api import Page, expect, sync_playwright
+from serving import box_checkpoint, serving
+
+from dipcg.app_studio import Studio
+from dipcg.images import save_image
+from dipcg.space import params_from_json
+
+SHOTS = Path(__file__).parents[1] / "out" / "screenshots"
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+PATIENCE_MS = 60_000
+expect.set_options(timeout=PATIENCE_MS)
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium, or make system")
+
+
+@pytest.fixture(scope="module")
+def studio(tmp_path_factory):
+    with Studio([box_checkpoint(tmp_path_factory.mktemp("checkpoint"))], workers=1) as studio:
+        yield studio
+
+
+@pytest.fixture(scope="module")
+def picture(studio, tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("pictures") / "box.png"
+    save_image(studio.tiles([(studio.build("box", TRUTH).mesh, VIEW)])[0], path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def address(studio, tmp_path_factory):
+    with serving(studio, tmp_path_factory.mktemp("served")) as address:
+        yield address
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def visit(browser, address):
+    """Opens the page in a browser of its own; nothing but this machine can be reached, and no script may fail."""
+    opened, problems = [], []
+
+    def visit(width: int = 1400, height: int = 950) -> Page:
+        context = browser.new_context(viewport={"width": width, "height": height})
+        context.route("**/*", lambda route: route.continue_() if "127.0.0.1" in route.request.url else lost(route))
+        page = context.new_page()
+        page.set_default_timeout(PATIENCE_MS)
+        page.on("pageerror", lambda error: problems.append(str(error)))
+        page.goto(address)
+        page.wait_for_selector("#viewer .empty")
+        opened.append(context)
+        return page
+
+    def lost(route) -> None:
+        problems.append(f"asked for {route.request.url}")
+        route.abort()
+
+    yield visit
+    for context in opened:
+        context.close()
+    assert not problems
+
+
+def upload(page: Page, picture: Path) -> None:
+    """Give the page a picture and wait until an asset is open."""
+    page.locator("#picture input[type=file]").set_input_files(picture)
+    page.wait_for_selector("#candidates button[aria-pressed=true]")
+    page.wait_for_selector("#viewer canvas[data-faces]")
+
+
+def seen(page: Page) -> str:
+    """What the viewer shows, as text that differs where the picture does."""
+    return page.evaluate("() => document.querySelector('#viewer canvas').dataset.drawn")
+
+
+def number(page: Page, name: str):
+    return page.locator(f"[data-name={name}] input[type=number]")
+
+
+def move(page: Page, name: str, value: float) -> None:
+    number(page, name).fill(str(value))
+    number(page, name).press("Enter")
+
+
+def downloaded(page: Page, ending: str, folder: Path) -> Path:
+    page.locator("#format input").click()
+    page.get_by_role("option", name=ending, exact=True).click()
+    with page.expect_download() as waiting:
+        page.locator("#download").click()
+    target = folder / waiting.value.suggested_filename
+    waiting.value.save_as(target)
+    return target
+
+
+def shoot(page: Page, name: str) -> None:
+    SHOTS.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=SHOTS / f"{name}.png", full_page=True)
+
+
+def test_from_a_picture_to_an_edited_file(visit, picture, tmp_path):
+    page = visit()
+    shoot(page, "empty")
+    upload(page, picture)
+    candidates = page.locator("#candidates button")
+    assert candidates.count() > 1
+    agreements = [int(words.split()[0]) for words in candidates.all_inner_texts()]
+    assert all(0 < agreement <= 100 for agreement in agreements)
+    before = seen(page)
+    candidates.nth(1).click()
+    expect(page.locator("#viewer canvas")).not_to_have_attribute("data-drawn", before)
+    expect(candidates.nth(1)).to_have_attribute("aria-pressed", "true")
+    before = seen(page)
+    move(page, "width", 0.95)
+    expect(page.locator("#viewer canvas")).not_to_have_attribute("data-drawn", before)
+    shoot(page, "edited")
+    params = params_from_json(downloaded(page, ".json", tmp_path).read_text())[1]
+    assert BOX.validate(params) == params
+    assert params["width"] == 0.95
+    mesh = trimesh.load(downloaded(page, ".glb", tmp_path))
+    over = 0 if params["top"] == "open" else params["overhang"]
+    assert mesh.extents[0] == pytest.approx(0.95 + 2 * over, abs=1e-4)
+    page.get_by_role("button", name="The command that makes it again").click()
+    expect(page.locator("#command")).to_contain_text("width=0.95")
+
+
+def test_edits_hide_what_does_nothing_can_be_undone_and_can_be_held(visit, picture):
+    page = visit()
+    upload(page, picture)
+    page.locator("#parameters details").evaluate_all("all => all.forEach(one => (one.open = true))")
+    top = page.locator("[data-name=top] select")
+    for option, shown in [("open", False), ("pyramid", True)]:
+        top.select_option(index=["open", "flat", "pyramid"].index(option))
+        expect(page.locator("[data-name=lid_height]")).to_be_visible(visible=shown)
+    width = number(page, "width").input_value()
+    move(page, "width", 0.31)
+    page.get_by_role("button", name="Undo").click()
+    expect(number(page, "width")).to_have_value(width)
+
+    move(page, "width", 0.77)
+    hold = page.locator("[data-name=width] .hold")
+    hold.click()
+    expect(hold).to_have_attribute("aria-pressed", "true")
+    before = seen(page)
+    page.get_by_role("button", name="Estimate the rest again").click()
+    expect(page.locator("#viewer canvas")).not_to_have_attribute("data-drawn", before)
+    expect(number(page, "width")).to_have_value("0.770")
+
+
+def test_a_keyboard_is_enough(visit):
+    page = visit()
+    page.get_by_role("button", name="Random").focus()
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#viewer canvas[data-faces]")
+    before = seen(page)
+    page.locator("#viewer canvas").focus()
+    page.keyboard.press("ArrowRight")
+    expect(page.locator("#viewer canvas")).not_to_have_attribute("data-drawn", before)
+    slider = page.locator("#p-width")
+    slider.focus()
+    value = float(slider.input_value())
+    page.keyboard.press("ArrowLeft" if value > 0.6 else "ArrowRight")
+    expect(number(page, "width")).not_to_have_value(f"{value:.3f}")
+
+
+def test_a_problem_is_told_in_a_sentence(visit, tmp_path):
+    page = visit()
+    (tmp_path / "notes.png").write_text("no picture at all")
+    page.locator("#picture input[type=file]").set_input_files(tmp_path / "notes.png")
+    expect(page.get_by_text("This is not a picture in a known format")).to_be_visible(timeout=PATIENCE_MS)
+    assert "Traceback" not in page.content()
+    page.locator("#download").click()
+    expect(page.get_by_text("There is nothing to download yet")).to_be_visible(timeout=PATIENCE_MS)
+
+
+def test_a_phone_sees_everything_without_scrolling_sideways(visit, picture):
+    page = visit(width=375, height=740)
+    upload(page, picture)
+    page.wait_for_selector("[data-name=width]")
+    wide = page.evaluate("() => [document.documentElement.scrollWidth, innerWidth]")
+    assert wide[0] <= wide[1]
+    for place in ("#picture", "#candidates", "#viewer", "#download", "[data-name=width]"):
+        box = page.locator(place).first.bounding_box()
+        assert box["x"] >= 0, place
+        assert box["x"] + box["width"] <= 375, place
+    shoot(page, "phone")
+
+
+def test_visitors_do_not_see_each_other(visit):
+    first, second = visit(), visit()
+    for page in (first, second):
+        page.get_by_role("button", name="Random").click()
+        page.wait_for_selector("[data-name=depth]")
+    theirs = number(second, "depth").input_value()
+    move(first, "depth", 0.3)
+    expect(number(first, "depth")).to_have_value("0.300")
+    second.get_by_role("button", name="Reset").click()
+    expect(number(second, "depth")).to_have_value(theirs)

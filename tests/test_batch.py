@@ -1,0 +1,65 @@
+"""A folder of pictures: what is there is skipped, what fails is shown, the page lists all."""
+
+from pathlib import Path
+
+import pytest
+
+from dipcg.batch import BatchError, open_batch
+
+
+@pytest.fixture
+def pictures(tmp_path) -> Path:
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    for name in ("b.jpg", "a.PNG", "<c> & d.webp", "notes.txt"):
+        (folder / name).write_bytes(b"")
+    return folder
+
+
+def finish(files) -> None:
+    for path in (files.asset, files.params, files.preview):
+        path.write_bytes(b"x")
+
+
+def test_all_pictures_wait_at_first_and_other_files_are_left_out(pictures, tmp_path):
+    batch = open_batch(pictures, tmp_path / "out" / "deep")
+    assert [path.name for path in batch.waiting] == ["<c> & d.webp", "a.PNG", "b.jpg"]
+    assert batch.files[pictures / "b.jpg"].asset == tmp_path / "out/deep/b.glb"
+
+
+def test_what_is_complete_is_skipped_and_what_lacks_a_file_is_not(pictures, tmp_path):
+    batch = open_batch(pictures, tmp_path / "out")
+    finish(batch.files[pictures / "a.PNG"])
+    batch.files[pictures / "b.jpg"].asset.write_bytes(b"stopped after this")
+    again = open_batch(pictures, tmp_path / "out")
+    assert [path.name for path in again.waiting] == ["<c> & d.webp", "b.jpg"]
+
+
+def test_the_page_has_every_picture_with_its_files_or_its_problem(pictures, tmp_path):
+    batch = open_batch(pictures, tmp_path / "out", ".usdz")
+    finish(batch.files[pictures / "a.PNG"])
+    text = batch.write_page({pictures / "<c> & d.webp": "It is <empty>."}).read_text()
+    assert "1 of 3 pictures, 1 failed" in text
+    assert '<a href="a.usdz">' in text
+    assert 'src="a.preview.png"' in text
+    assert "&lt;c&gt; &amp; d.webp" in text
+    assert "It is &lt;empty&gt;." in text
+    assert "<c>" not in text
+    assert "<empty>" not in text
+    assert text.count("<article") == 3
+
+
+@pytest.mark.parametrize(
+    ("names", "out", "expected"),
+    [
+        ([], "out", "has no pictures; they end in .png"),
+        (["a.png", "a.jpg"], "out", "several pictures named a"),
+        (["a.png"], ".", "holds the pictures; choose another folder"),
+        (["a.png"], "a.png", "cannot be made"),
+    ],
+)
+def test_a_folder_that_cannot_be_worked_through_is_refused(tmp_path, names, out, expected):
+    for name in names:
+        (tmp_path / name).write_bytes(b"")
+    with pytest.raises(BatchError, match=expected):
+        open_batch(tmp_path, tmp_path / out)
