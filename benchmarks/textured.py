@@ -17,7 +17,7 @@ from dipcg.export import Asset
 from dipcg.images import MARGIN, over_white, save_image
 from dipcg.worker import BuildPool
 
-ASSETS = ["chair", "1", "chair", "3", "table", "2", "vase", "0"]
+ASSETS = ["chair", "10", "chair", "8", "table", "6", "vase", "5"]
 SIZE, FACES, SIDE, SAMPLES, VIEW = 512, 30_000, 384, 32, View(30.0, 20.0)
 
 

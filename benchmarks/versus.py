@@ -102,7 +102,7 @@ def _methods(inverter: Inverter, neighbours: Neighbours, number: int) -> list[Ca
 
     return [
         once("a random one", lambda case: inverter.generator.space.sample(np.random.default_rng(number)), 0),
-        once("nearest neighbour of 500", lambda case: neighbours.find(case.image).params, 0),
+        once(f"nearest neighbour of {neighbours.count}", lambda case: neighbours.find(case.image).params, 0),
         once("direct regression", lambda case: inverter.guess(case.image).params, 0),
         once("estimate, 1 candidate", lambda case: inverter.estimate(case.image, 1).params, 0),
         once("16 candidates, ranked", lambda case: rank(inverter.estimate(case.image, 16)).params, 16),

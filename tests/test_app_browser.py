@@ -179,6 +179,25 @@ def test_a_keyboard_is_enough(visit):
     expect(number(page, "width")).not_to_have_value(f"{value:.3f}")
 
 
+def test_a_drawing_is_a_picture_too(visit):
+    page = visit()
+    page.get_by_role("tab", name="Draw").click()
+    page.get_by_role("button", name="Use the sketch").click()
+    expect(page.get_by_text("The sketch is empty")).to_be_visible()
+    sheet = page.locator("#sketch canvas").bounding_box()
+    corner = [sheet["x"] + 0.3 * sheet["width"], sheet["y"] + 0.3 * sheet["height"]]
+    page.mouse.move(*corner)
+    page.mouse.down()
+    for right, down in ((120, 0), (120, 120), (0, 120), (0, 0)):
+        page.mouse.move(corner[0] + right, corner[1] + down, steps=8)
+    page.mouse.up()
+    page.get_by_role("button", name="Use the sketch").click()
+    page.wait_for_selector("#viewer canvas[data-faces]")
+    page.get_by_role("button", name="Correct the cut-out").click()
+    page.get_by_label("own mask").check()
+    expect(page.get_by_text("Add a mask.")).to_be_visible()
+
+
 def test_a_problem_is_told_in_a_sentence(visit, tmp_path):
     page = visit()
     (tmp_path / "notes.png").write_text("no picture at all")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -58,11 +59,7 @@ class Page:
                     elem_id="picture",
                 )  # fmt: skip
             with gr.Tab("Draw"):
-                self.sketch = gr.Sketchpad(
-                    label="Sketch", canvas_size=(512, 512), fixed_canvas=True, layers=False, height=340,
-                    brush=gr.Brush(default_size=5, colors=["#222222"], color_mode="fixed"), buttons=[],
-                )  # fmt: skip
-                self.use_sketch = gr.Button("Use the sketch")
+                self.sketch = _scripted("sketch", "sketch", "Draw the outline and the main edges.")
         self.offered = _scripted("strip", "examples", "Or start from one of these:" if self.examples else "")
         self.offered.value = self._offered()
         names = [(CHOOSE, ""), *((name, name) for name in self.studio.names)]
@@ -122,7 +119,7 @@ class Page:
         self.use_cut.click(telling(self._estimate), **estimating)
         self.generator.input(telling(self._estimate), **estimating)
         self.again.click(telling(self._estimate_again), **again)
-        self.use_sketch.click(telling(self._sketched), self.sketch, self.picture, **QUIET)
+        self.sketch.select(telling(self._sketched), None, self.picture, **QUIET)
         self.offered.select(telling(self._example), None, self.picture, **QUIET)
         self._edits(asset)
         self.download.click(
@@ -204,11 +201,10 @@ class Page:
         )
         return gr.update(value=str(made), visible=True)
 
-    def _sketched(self, sketch: dict[str, Any] | None) -> np.ndarray:
-        drawn = None if sketch is None else sketch["composite"]
-        if drawn is None or not (drawn[..., 3] > 0).any():
+    def _sketched(self, event: gr.EventData) -> np.ndarray:
+        if not event.picture:
             raise sentence("The sketch is empty: draw the outline and the main edges first.")
-        return over_white(np.ascontiguousarray(drawn))
+        return over_white(load_image(base64.b64decode(str(event.picture).partition(",")[2])))
 
     def _example(self, event: gr.EventData) -> str:
         return str(self.examples[int(event.index)])
@@ -232,6 +228,10 @@ class Page:
 
 
 QUIET: dict[str, Any] = {"api_visibility": "private", "show_progress": "hidden"}
+SHEET = (
+    '<canvas width="512" height="512" aria-label="Sheet to draw on"></canvas>'
+    '<button type="button" class="use">Use the sketch</button><button type="button" class="clear">Clear</button>'
+)
 TURNING = "The asset in 3D; arrow keys turn it, plus and minus zoom"
 SAVE = "() => setTimeout(() => document.querySelector('#file a[download]')?.click(), 300)"
 
@@ -251,6 +251,7 @@ def _scripted(script: str, name: str, empty: str) -> gr.HTML:
         "strip": f'<div class="strip" role="group" aria-label="{name}"></div>',
         "viewer": f'<canvas tabindex="0" hidden role="img" aria-label="{TURNING}"></canvas>',
         "parameters": '<div class="parameters"></div>',
+        "sketch": SHEET,
     }[script]
     return gr.HTML(
         value=None,

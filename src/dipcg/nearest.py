@@ -31,7 +31,8 @@ class Neighbours:
     ) -> None:
         self.inverter = inverter
         _, shapes = load_shapes(folder, "train")
-        numbers = np.repeat(np.arange(min(count, len(shapes.meshes))), views)
+        self.count = min(count, len(shapes.meshes))
+        numbers = np.repeat(np.arange(self.count), views)
         self._views: list[View] = []
         self._shown, features = shapes.x[numbers], []
         renderer, rng = Renderer(inverter.image_size), np.random.default_rng(seed)

@@ -69,8 +69,9 @@ def _draw(kind: str, seed: int) -> Any:
     from infinigen.core import surface
     from infinigen.core.util.math import FixedSeed
 
-    module, name = str(np.random.default_rng(seed).choice(FAMILIES[kind])).split(":")
-    with FixedSeed(seed):
+    rng = np.random.default_rng([seed, *kind.encode()])  # a seat's colour says nothing of the legs'
+    module, name = str(rng.choice(FAMILIES[kind])).split(":")
+    with FixedSeed(int(rng.integers(2**31))):
         maker = getattr(import_infinigen(f"infinigen.assets.{module}"), name)
         with silence():
             made = maker().generate() if isinstance(maker, type) else surface.shaderfunc_to_material(maker)
