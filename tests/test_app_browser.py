@@ -179,8 +179,14 @@ def test_a_keyboard_is_enough(visit):
     expect(number(page, "width")).not_to_have_value(f"{value:.3f}")
 
 
-def test_a_drawing_is_a_picture_too(visit):
+def test_problems_are_told_in_sentences_and_a_drawing_is_a_picture_too(visit, tmp_path):
     page = visit()
+    (tmp_path / "notes.png").write_text("no picture at all")
+    page.locator("#picture input[type=file]").set_input_files(tmp_path / "notes.png")
+    expect(page.get_by_text("This is not a picture in a known format")).to_be_visible(timeout=PATIENCE_MS)
+    assert "Traceback" not in page.content()
+    page.locator("#download").click()
+    expect(page.get_by_text("There is nothing to download yet")).to_be_visible(timeout=PATIENCE_MS)
     page.get_by_role("tab", name="Draw").click()
     page.get_by_role("button", name="Use the sketch").click()
     expect(page.get_by_text("The sketch is empty")).to_be_visible()
@@ -196,16 +202,6 @@ def test_a_drawing_is_a_picture_too(visit):
     page.get_by_role("button", name="Correct the cut-out").click()
     page.get_by_label("own mask").check()
     expect(page.get_by_text("Add a mask.")).to_be_visible()
-
-
-def test_a_problem_is_told_in_a_sentence(visit, tmp_path):
-    page = visit()
-    (tmp_path / "notes.png").write_text("no picture at all")
-    page.locator("#picture input[type=file]").set_input_files(tmp_path / "notes.png")
-    expect(page.get_by_text("This is not a picture in a known format")).to_be_visible(timeout=PATIENCE_MS)
-    assert "Traceback" not in page.content()
-    page.locator("#download").click()
-    expect(page.get_by_text("There is nothing to download yet")).to_be_visible(timeout=PATIENCE_MS)
 
 
 def test_a_phone_sees_everything_without_scrolling_sideways(visit, picture):

@@ -129,7 +129,7 @@ def test_what_would_do_nothing_cannot_be_held(capsys, untrained, picture, no_bui
 @pytest.mark.parametrize("seconds", ["0", "-3", "nan"])
 def test_a_search_needs_time(capsys, untrained, picture, no_builds, seconds):
     said = sentence(capsys, "estimate", picture, "-g", untrained, "-o", "a.glb", "--refine", seconds)
-    assert said == f"--refine takes the seconds to search, more than 0, got {seconds}."
+    assert said == f"A search (--refine) takes more than 0 seconds, got {seconds}."
 
 
 def test_settings_may_share_a_flag_or_have_one_each(capsys):

@@ -12,7 +12,7 @@ import gradio as gr
 from starlette.middleware import Middleware
 
 from dipcg.app_api import add_api
-from dipcg.app_limits import MOST_BYTES, WAITING, BodyLimit, limit_decoding
+from dipcg.app_limits import MOST_BYTES, WAITING, BodyLimit, fetch_no_addresses
 from dipcg.app_page import BUILDS, FILES, Page
 from dipcg.app_studio import Studio
 
@@ -36,7 +36,7 @@ def launch(page: gr.Blocks, host: str = "127.0.0.1", port: int | None = None, **
 
 def build_page(studio: Studio, folder: Path) -> gr.Blocks:
     """The page and its HTTP API; `folder` is where uploads and downloads go."""
-    limit_decoding()
+    fetch_no_addresses()
     os.environ["GRADIO_TEMP_DIR"] = str(folder / "uploads")
     downloads = folder / "downloads"
     downloads.mkdir(parents=True, exist_ok=True)

@@ -67,9 +67,8 @@ def sentence(words: str) -> gr.Error:
     return gr.Error(html.escape(words, quote=False), duration=None, title="That did not work", print_exception=False)
 
 
-def limit_decoding() -> None:
-    """Let Pillow refuse pictures with too many pixels wherever it opens one, and Gradio fetch no addresses."""
-    Image.MAX_IMAGE_PIXELS = MAX_PIXELS // 2  # Pillow refuses above twice this
+def fetch_no_addresses() -> None:
+    """Let Gradio refuse addresses where it takes uploads; it would fetch them."""
     processing_utils.async_ssrf_protected_download = _refuse_address
 
 

@@ -60,7 +60,7 @@ def estimate(
         preview: PNG file for the photo beside the result
     """
     if refine is not None and not refine > 0:
-        raise ValueError(f"--refine takes the seconds to search, more than 0, got {refine:g}.")
+        raise ValueError(f"A search (--refine) takes more than 0 seconds, got {refine:g}.")
     if text is not None:
         return _estimate_text(text, images, generator, written, candidates, steps, seed, parse_settings(keep))
     images, others = (images[:1], images[1:]) if views else (images, ())

@@ -22,7 +22,10 @@ def encoder(request, pretrained) -> nn.Module:
 
 @pytest.fixture(scope="module")
 def images(encoder) -> Tensor:
-    return torch.rand(3, 3, encoder.image_size, encoder.image_size, generator=torch.Generator().manual_seed(0))
+    """Pictures, or the tokens of sentences for an encoder that sees no picture."""
+    size = encoder.image_size
+    shape = (3, 3, size, size) if size else (3, 12, encoder.channels)
+    return torch.rand(shape, generator=torch.Generator().manual_seed(0))
 
 
 @pytest.fixture(scope="module")
