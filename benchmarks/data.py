@@ -72,7 +72,7 @@ def main() -> None:
     decode = seconds(lambda: [decode_mesh(one) for one in packed])[0] / len(packed)
     print(f"Decoding: {1 / decode:,.0f} chairs a second on one core.\n")
     header("chairs built by", "a second", "ratio")
-    _compare("workers", {"1 worker": {"workers": 1}, "2 workers": {"workers": 2}})
+    _compare({"1 worker": {"workers": 1}, "2 workers": {"workers": 2}}, [])
     _compare_nodes()
 
 
@@ -109,8 +109,8 @@ def _render_seconds(meshes: list[Mesh], size: int) -> float:
     return taken
 
 
-def _compare(what: str, ways: dict[str, dict]) -> None:
-    rates = []
+def _compare(ways: dict[str, dict], rates: list[float]) -> None:
+    """Build by each way and append its rate; ratios are to the first."""
     for name, options in ways.items():
         with tempfile.TemporaryDirectory() as folder:
             build_dataset("chair", folder, 8, **options)  # starts what has to be started
@@ -126,11 +126,12 @@ def _compare_nodes() -> None:
         from ray.cluster_utils import Cluster
     except ImportError:
         return print("Ray is not installed: nodes are not compared.")
+    rates: list[float] = []
     for nodes in (1, 2):
         cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 0})
         for _ in range(nodes):
             cluster.add_node(num_cpus=1)
-        _compare("nodes", {f"{nodes} Ray node(s) of 1 processor": {"executor": "ray", "address": cluster.address}})
+        _compare({f"{nodes} Ray node(s) of 1 processor": {"executor": "ray", "address": cluster.address}}, rates)
         ray.shutdown()
         cluster.shutdown()
     return None
