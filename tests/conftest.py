@@ -2,8 +2,14 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import settings
+
+from dipcg.export import Asset
+from dipcg.generators import load_generator
+from dipcg.surface import Maps, corner_normals
+from dipcg.worker import BuildPool
 
 settings.register_profile("steady", deadline=None)  # a loaded machine is no failure
 settings.load_profile("steady")
@@ -22,3 +28,24 @@ def pretrained(tmp_path_factory) -> dict[str, str]:
     for name, network in networks.items():
         network.save_pretrained(folder / name)
     return {name: str(folder / name) for name in networks}
+
+
+@pytest.fixture(scope="session")
+def asset() -> Asset:
+    """A box with a lid and legs: three parts, no two sides of equal length."""
+    box = load_generator("box")
+    changes = {"width": 0.5, "depth": 0.8, "top": "pyramid", "overhang": 0.1, "has_legs": True, "leg_height": 0.3}
+    params = box.space.replace(box.space.sample(np.random.default_rng(0)), changes)
+    with BuildPool("box") as pool:
+        return Asset(pool.build(params), "box", params)
+
+
+@pytest.fixture(scope="session")
+def textured(asset) -> Asset:
+    """The asset with maps in which no two numbers are alike."""
+    rng, faces = np.random.default_rng(0), len(asset.mesh.faces)
+    colours, normal = rng.integers(0, 255, (2, 8, 8, 3), dtype=np.uint8)
+    grey = rng.integers(0, 255, (2, 8, 8), dtype=np.uint8)
+    uv = rng.random((faces, 3, 2), dtype=np.float32)
+    maps = Maps(uv, corner_normals(asset.mesh), colours, grey[0], grey[1], normal)
+    return Asset(asset.mesh, asset.generator, asset.params, maps)

@@ -2,9 +2,7 @@
 
 import json
 import os
-import shutil
 import struct
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -12,27 +10,15 @@ import pytest
 import trimesh
 
 from dipcg.export import TEXTURED, USD, Asset, ExportError, check_faces, check_target, check_texture
-from dipcg.generators import load_generator
 from dipcg.mesh import Mesh, make_mesh
 from dipcg.render import PALETTE
 from dipcg.space import params_from_json
-from dipcg.surface import Maps, corner_normals
-from dipcg.worker import BuildPool
+from dipcg.surface import corner_normals
 
 GLTF_FROM_OURS = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # glTF: Y up, the front towards +Z
 
 every_format = pytest.mark.parametrize("suffix", [".glb", ".gltf", ".obj", ".ply", ".stl"])  # that trimesh reads
 every_usd = pytest.mark.parametrize("suffix", USD)
-
-
-@pytest.fixture(scope="module")
-def asset() -> Asset:
-    """A box with a lid and legs: three parts, no two sides of equal length."""
-    box = load_generator("box")
-    changes = {"width": 0.5, "depth": 0.8, "top": "pyramid", "overhang": 0.1, "has_legs": True, "leg_height": 0.3}
-    params = box.space.replace(box.space.sample(np.random.default_rng(0)), changes)
-    with BuildPool("box") as pool:
-        return Asset(pool.build(params), "box", params)
 
 
 def area(mesh: Mesh) -> float:
@@ -201,91 +187,6 @@ def test_usd_finds_a_name_for_every_part(tmp_path, names):
     mesh = make_mesh(np.eye(3), [[0, 1, 2], [2, 1, 0]], [0, 1], names)
     stage = Usd.Stage.Open(str(Asset(mesh, "x", {}).export(tmp_path / "a.usdc")))
     assert sum(prim.IsA(UsdGeom.Mesh) for prim in stage.Traverse()) == 2
-
-
-# Maps
-
-
-@pytest.fixture(scope="module")
-def textured(asset) -> Asset:
-    """The asset with maps in which no two numbers are alike."""
-    rng, faces = np.random.default_rng(0), len(asset.mesh.faces)
-    colours, normal = rng.integers(0, 255, (2, 8, 8, 3), dtype=np.uint8)
-    grey = rng.integers(0, 255, (2, 8, 8), dtype=np.uint8)
-    uv = rng.random((faces, 3, 2), dtype=np.float32)
-    maps = Maps(uv, corner_normals(asset.mesh), colours, grey[0], grey[1], normal)
-    return Asset(asset.mesh, asset.generator, asset.params, maps)
-
-
-def test_a_glb_holds_the_maps_and_where_each_corner_lies_on_them(textured, tmp_path):
-    scene = trimesh.load(textured.export(tmp_path / "a.glb"))
-    assert len(glb_json(tmp_path / "a.glb")["images"]) == 3
-    for part, name in enumerate(textured.mesh.part_names):
-        piece, material = scene.geometry[name], scene.geometry[name].visual.material
-        uv = textured.maps.uv[textured.mesh.parts == part]
-        np.testing.assert_allclose(piece.visual.uv[piece.faces], uv, atol=1e-6)
-        np.testing.assert_array_equal(np.array(material.baseColorTexture), textured.maps.base_colour)
-        np.testing.assert_array_equal(np.array(material.normalTexture), textured.maps.normal)
-        rough = np.array(material.metallicRoughnessTexture)
-        np.testing.assert_array_equal(rough[..., 1], textured.maps.roughness)
-        np.testing.assert_array_equal(rough[..., 2], textured.maps.metallic)
-
-
-@every_usd
-def test_usd_finds_its_maps(textured, tmp_path, suffix):
-    pytest.importorskip("pxr")
-    from pxr import Ar, Usd, UsdGeom, UsdShade
-
-    stage = Usd.Stage.Open(str(textured.export(tmp_path / f"a{suffix}")))
-    resolver, found = Ar.GetResolver(), {}
-    for prim in stage.Traverse():
-        if prim.IsA(UsdShade.Shader) and UsdShade.Shader(prim).GetIdAttr().Get() == "UsdUVTexture":
-            path = UsdShade.Shader(prim).GetInput("file").Get().resolvedPath
-            found[prim.GetName()] = bytes(resolver.OpenAsset(Ar.ResolvedPath(path)).GetBuffer())
-        if prim.IsA(UsdGeom.Mesh):
-            uv = textured.maps.uv[textured.mesh.parts == textured.mesh.part_names.index(prim.GetName())]
-            indices = np.array(UsdGeom.Mesh(prim).GetFaceVertexIndicesAttr().Get())
-            places = np.array(UsdGeom.PrimvarsAPI(prim).GetPrimvar("st").Get())
-            np.testing.assert_allclose(places[indices], uv.reshape(-1, 2), atol=1e-6)
-    assert sorted(found) == ["base_colour", "metallic", "normal", "roughness"]
-    assert all(content.startswith(b"\x89PNG") for content in found.values())
-
-
-# Khronos
-
-
-@pytest.fixture(scope="session")
-def validator() -> tuple[str, Path]:
-    """Node, and the folder of Khronos' validator, which npm fetches once."""
-    node, npm = shutil.which("node"), shutil.which("npm")
-    folder = Path.home() / ".cache/dipcg/npm"
-    if not node or not npm:
-        pytest.skip("Node and npm are not installed")
-    if not (folder / "node_modules/gltf-validator").is_dir():
-        folder.mkdir(parents=True, exist_ok=True)
-        command = [npm, "install", "--no-audit", "--no-fund", "--prefix", str(folder), "gltf-validator@2.0.0-dev.3.10"]
-        if subprocess.run(command, capture_output=True, timeout=60, check=False).returncode:
-            pytest.skip("npm cannot fetch gltf-validator")
-    return node, folder
-
-
-@pytest.mark.parametrize("suffix", [".glb", ".gltf"])
-@pytest.mark.parametrize("kind", ["asset", "textured"])
-def test_khronos_validator_finds_nothing_wrong(validator, request, tmp_path, suffix, kind):
-    node, folder = validator
-    path = request.getfixturevalue(kind).export(tmp_path / f"a{suffix}")
-    done = subprocess.run([node, "-e", VALIDATE, str(path)], cwd=folder, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
-    expected = {"MESH_PRIMITIVE_GENERATED_TANGENT_SPACE"} if kind == "textured" else set()  # MikkTSpace, by all viewers
-    assert {message["code"] for message in found["issues"]["messages"]} <= expected
-    assert found["info"]["totalTriangleCount"] == len(request.getfixturevalue(kind).mesh.faces)
-
-
-VALIDATE = """
-const bytes = new Uint8Array(require("fs").readFileSync(process.argv[1]));
-require("gltf-validator").validateBytes(bytes).then((report) => console.log(JSON.stringify(report)));
-"""
 
 
 # Refused before any work

@@ -13,15 +13,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-import trimesh
-from scipy.stats import qmc
 
 import dipcg
 from dipcg import store
-from dipcg.codec import decode_mesh, encode_mesh
-from dipcg.draws import Draws
 from dipcg.generators import load_generator
-from dipcg.mesh import Mesh, make_mesh
 from dipcg.space import params_from_json
 from dipcg.store import SPLITS, Progress, Store, build_dataset, in_split
 from dipcg.worker import BuildError, BuildPool
@@ -35,7 +30,6 @@ def small_shards(monkeypatch) -> None:
 
 
 def rows(folder: Path) -> pa.Table:
-    """All that is stored, without the one column that is measured."""
     return Store(folder).table().drop_columns(["_build_s"])
 
 
@@ -55,53 +49,7 @@ def write_generator(folder: Path, body: str, low: float = 1.0) -> str:
     return str(path)
 
 
-# Packed meshes
-
-
-def shapes() -> dict[str, Mesh]:
-    ball = trimesh.creation.icosphere(subdivisions=3)
-    parts = (ball.triangles_center[:, 2] > 0) + 2 * (ball.triangles_center[:, 0] > 0.5)
-    rng = np.random.default_rng(0)
-    return {
-        "triangle": make_mesh([[0, 0, 0], [1, 0, 0], [0, 2, 0]], [[0, 1, 2]]),
-        "parts out of order": make_mesh(
-            ball.vertices * [3, 1, 0.2] - 100, ball.faces, parts, ("a", "b", "c", "Rücken")
-        ),
-        "a part without faces": make_mesh(ball.vertices, ball.faces, parts * 0 + 1, ("a", "b", "c")),
-        "soup": make_mesh(rng.normal(size=(300, 3)), rng.permutation(300).reshape(-1, 3)),
-    }
-
-
-@pytest.mark.parametrize("mesh", shapes().values(), ids=shapes())
-def test_a_packed_mesh_is_the_same_within_a_4096th_of_its_side(mesh):
-    again = decode_mesh(encode_mesh(mesh))
-    order = np.argsort(mesh.parts, kind="stable")
-    before, after = mesh.vertices[mesh.faces[order]], again.vertices[again.faces]
-    turns = [np.abs(np.roll(after, turn, axis=1) - before).max((1, 2)) for turn in range(3)]
-    assert np.min(turns, axis=0).max() < mesh.side / 2**12 + 1e-5, "each triangle is there, with its side outwards"
-    np.testing.assert_array_equal(again.parts, mesh.parts[order])
-    assert again.part_names == mesh.part_names
-
-
-def test_a_packed_mesh_is_small():
-    ball = trimesh.creation.icosphere(subdivisions=4)
-    mesh = make_mesh(ball.vertices, ball.faces)
-    assert len(encode_mesh(mesh)) < (mesh.vertices.nbytes + mesh.faces.nbytes) / 6
-
-
-@pytest.mark.blender
-def test_chairs_take_at_most_16_kilobytes_each():
-    chair = load_generator("chair")
-    if chair.missing:
-        pytest.skip(f"{' and '.join(chair.missing)} not installed")
-    rng = np.random.default_rng(0)
-    with BuildPool("chair", workers=2) as pool:
-        built = pool.map([chair.space.sample(rng) for _ in range(10)], "light")
-        assert np.mean([len(encode_mesh(mesh)) for mesh in built]) <= 16_000
-
-
 # Building
-
 
 KILLED = """
 import sys, dipcg.store as store
@@ -238,23 +186,6 @@ def test_the_summary_counts_what_is_there(tmp_path):
 
 
 # Drawing
-
-
-def test_sobol_points_are_spread_more_evenly_than_independent_ones():
-    space = load_generator("table").space
-    drawn = [
-        np.array([space.encode(p) for p in Draws("table", 3, way).params(range(256))]) for way in ("sobol", "uniform")
-    ]
-    always = [i for i, p in enumerate(space) if not p.when and i in space.reals][:4]
-    sobol, uniform = (qmc.discrepancy((x[:, always] + 1) / 2) for x in drawn)
-    assert sobol < uniform / 3
-
-
-def test_a_sample_depends_on_its_number_and_not_on_what_is_drawn_with_it():
-    for way in ("sobol", "uniform"):
-        draws = Draws("box", 1, way)
-        assert draws.params(range(5, 8)) == draws.params(range(16))[5:8]
-        assert Draws("box", 2, way).params(range(3)) != draws.params(range(3))
 
 
 # What others read
