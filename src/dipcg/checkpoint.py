@@ -57,6 +57,21 @@ def load_checkpoint(folder: str | Path) -> tuple[AnyEstimator, Generator, dict[s
     return model.eval(), generator, card
 
 
+def load_matching(model: AnyEstimator, folder: str | Path) -> int:
+    """Load what fits by name and shape of another checkpoint; returns how many pictures its weights have seen.
+
+    Raises CheckpointError when it is missing or damaged, or has another encoder.
+    """
+    folder = Path(folder)
+    card, theirs = _read_card(folder), _read_weights(folder / WEIGHTS)
+    other = card["model"]["encoder"]
+    if other != model.config.encoder:
+        raise CheckpointError(f"{folder} has another encoder, {other!r}; start from one with the same.")
+    fitting = {k: theirs[k] for k, v in model.state_dict().items() if k in theirs and theirs[k].shape == v.shape}
+    model.load_state_dict(fitting, strict=False)
+    return int(card.get("pictures", 0)) + int(card.get("started_from", {}).get("pictures", 0))
+
+
 def _read_card(folder: Path) -> dict[str, Any]:
     try:
         card = json.loads((folder / CARD).read_text())
@@ -66,12 +81,23 @@ def _read_card(folder: Path) -> dict[str, Any]:
 
 
 def _load_weights(model: AnyEstimator, path: Path) -> None:
+    weights = _read_weights(path)
     try:
-        weights = {k: v.float() if v.is_floating_point() else v for k, v in load_file(path).items()}
         model.load_state_dict(weights)
+    except RuntimeError as error:
+        raise _damaged(path, error) from None
+
+
+def _read_weights(path: Path) -> dict[str, Tensor]:
+    try:
+        return {k: v.float() if v.is_floating_point() else v for k, v in load_file(path).items()}
     except (OSError, SafetensorError, RuntimeError) as error:
-        reason = str(error).splitlines()[0]
-        raise CheckpointError(f"The weights in {path} are damaged or cut short ({reason}); get them again.") from None
+        raise _damaged(path, error) from None
+
+
+def _damaged(path: Path, error: Exception) -> CheckpointError:
+    reason = str(error).splitlines()[0]
+    return CheckpointError(f"The weights in {path} are damaged or cut short ({reason}); get them again.")
 
 
 def _check_space(space: ParameterSpace, card: dict[str, Any], folder: Path) -> None:

@@ -69,6 +69,8 @@ class TrainConfig:
 
     minutes: float = 60.0
     """of training, after which the best weights are written"""
+    start: str = ""
+    """checkpoint whose weights it begins with, a name or a folder; what does not fit begins at random"""
     batch: int = 64
     """pictures a step"""
     learning_rate: float = 1e-3
@@ -97,3 +99,5 @@ class TrainConfig:
     """of everything random"""
     device: str = "auto"
     """cpu, cuda or auto"""
+    compile: Literal["auto", "yes", "no"] = "auto"
+    """fuse the network's operations (torch.compile); auto: on a GPU, and in a long run where there is a C++ compiler"""

@@ -11,6 +11,7 @@ import json
 import math
 import os
 import platform
+import shutil
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
@@ -21,7 +22,7 @@ import torch
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from dipcg.checkpoint import save_checkpoint
+from dipcg.checkpoint import load_matching, save_checkpoint
 from dipcg.config import ModelConfig, TrainConfig
 from dipcg.dataset import Batch, Pictures, Shapes, encoder_input, load_shapes, loader
 from dipcg.diffusion import denoising_loss, guess_loss, with_view
@@ -30,6 +31,7 @@ from dipcg.generators import Generator
 from dipcg.recipes import published_views
 from dipcg.telling import Sentences
 from dipcg.validate import Validation, validate
+from dipcg.weights import find_checkpoint
 
 VALIDATE_EVERY_S = 120.0
 VALIDATION_PICTURES = 256
@@ -62,7 +64,7 @@ def train(
     torch.manual_seed(config.seed)
     generator, shapes = load_shapes(data, "train")
     run = Run(build_estimator(generator.space, model_config), config, Path(out), generator)
-    run.about = {"shapes": len(shapes.x), "machine": _machine(run.device)}
+    run.about |= {"shapes": len(shapes.x), "machine": _machine(run.device)}
     checks = _validation_batch(data, run.model, config.seed)
     batches = iter(loader(_input(generator, shapes, run.model, config), config.workers))
     with _processors_left_by(config.workers):
@@ -88,6 +90,10 @@ class Run:
     def __init__(self, model: AnyEstimator, config: TrainConfig, out: Path, generator: Generator) -> None:
         self.config, self.out, self.generator = config, out, generator
         self.device = choose_device(config.device)
+        self.about: dict[str, Any] = {}  # what a card says besides
+        if config.start:
+            seen = load_matching(model, find_checkpoint(config.start))
+            self.about["started_from"] = {"checkpoint": Path(config.start).name, "pictures": seen}
         self.model = model.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.averaged = build_estimator(generator.space, model.config).to(self.device)
         self.averaged.load_state_dict(self.model.state_dict())
@@ -95,8 +101,11 @@ class Run:
             self.model.parameters(), 1e-3, (0.9, 0.98), weight_decay=config.weight_decay, fused=True
         )
         self.elapsed_s, self.pictures, self.step, self.best = 0.0, 0, 0, math.inf
-        self.about: dict[str, Any] = {}  # what a card says besides
         self._resume()
+        if _compiles(config, self.device):
+            torch._dynamo.config.suppress_errors = True  # what cannot be compiled runs as it is
+            self.model.encoder.compile()
+            self.model.denoiser.compile()
 
     @property
     def share(self) -> float:
@@ -210,6 +219,13 @@ def has_bfloat16(device: torch.device) -> bool:
     if device.type == "cuda":
         return torch.cuda.is_bf16_supported()
     return torch.cpu._is_avx512_bf16_supported()
+
+
+def _compiles(config: TrainConfig, device: torch.device) -> bool:
+    """Whether fused operations will save more time than making them takes."""
+    if config.compile != "auto":
+        return config.compile == "yes"
+    return device.type == "cuda" or (config.minutes > 5 and shutil.which("c++") is not None)
 
 
 def _machine(device: torch.device) -> str:
