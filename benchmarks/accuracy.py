@@ -2,11 +2,13 @@
 
 import os
 
+from dipcg.baselines import built_shapes, stored_shapes
 from dipcg.evaluate import evaluate, pair_cases, split_cases
 from dipcg.pipeline import Inverter
 from dipcg.terminal import table
 
 COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "100"))
+RANDOM = 200  # shapes of which the nearest to the truth is a row
 
 
 def main() -> None:
@@ -18,10 +20,11 @@ def main() -> None:
     with Inverter.load("chair", workers=2) as inverter:
         if data:
             print(f"Test split, {COUNT} shapes:\n")
-            print(table(evaluate(inverter, split_cases(data, COUNT))))
+            print(table(evaluate(inverter, split_cases(data, COUNT), random_shapes=stored_shapes(data, RANDOM))))
         if pairs:
             print("\nPairs, at the best of four quarter turns:\n")
-            print(table(evaluate(inverter, pair_cases(pairs, "chair"), quarter_turns=True)))
+            shapes = built_shapes(inverter.pool, RANDOM)
+            print(table(evaluate(inverter, pair_cases(pairs, "chair"), quarter_turns=True, random_shapes=shapes)))
 
 
 if __name__ == "__main__":

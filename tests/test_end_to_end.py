@@ -304,7 +304,8 @@ def test_evaluating_compares_the_estimate_with_its_bounds(trained, data, tmp_pat
     words = ["--count", 3, "--candidates", 2, "--steps", 2, "--metric", "chamfer", "parameter_error"]
     table = succeed("evaluate", trained, "--data", data, *words, "--json", tmp_path / "table.json")
     found = json.loads((tmp_path / "table.json").read_text())
-    rows = ["noise floor", "prior (a random one)", "direct guess", "most central sample", "estimate"]
+    blind = ["prior (a random one)", "mean of the prior", "nearest of 54 random"]
+    rows = ["noise floor", *blind, "direct guess", "most central sample", "estimate"]
     assert list(found) == rows
     assert [line.split("|")[1].strip() for line in table.splitlines()[2:]] == rows
     assert all(values["failures"] == 0 for values in found.values())

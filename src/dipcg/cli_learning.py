@@ -18,7 +18,9 @@ from dipcg.config import ModelConfig, TrainConfig
 from dipcg.weights import RUNS
 
 if TYPE_CHECKING:
+    from dipcg.baselines import Shape
     from dipcg.evaluate import Case
+    from dipcg.pipeline import Inverter
     from dipcg.store import Progress
 
 
@@ -152,6 +154,7 @@ def evaluate(
     candidates: int = 16,
     steps: int | None = None,
     metric: tuple[str, ...] = (),
+    nearest_of: int = 200,
     rank: bool = False,
     refine: float = 0.0,
     meshes: Path | None = None,
@@ -172,6 +175,8 @@ def evaluate(
         candidates: how many of each picture, the expected one among them
         steps: of the sampler; as many as the checkpoint was made for when left out
         metric: names of metrics; all when left out
+        nearest_of: random shapes, of which the one nearest to the truth is a row: the first of the data set's train
+            split, or with --pairs built for it; 0 leaves it out
         rank: build all candidates, and measure the one ranked first and the one nearest to the truth too
         refine: measure what so many seconds of search make of it too
         meshes: folder with the NAME.glb or NAME.obj that another tool made of each picture
@@ -185,24 +190,29 @@ def evaluate(
 
     if (data is None) == (pairs is None):
         raise ValueError("Give one of --data and --pairs.")
+    if nearest_of < 0:
+        raise ValueError(f"--nearest-of is a number of shapes, 0 for none, got {nearest_of}.")
     if json is not None:
         check_target(json, (".json",))
     if meshes is not None or pictures is not None:
         return _foreign(_cases(data, pairs, prefix or generator, count), meshes, pictures, count, metric, json)
-    with Inverter.load(generator, workers=2) as inverter, bar("measuring", count) as update:
+    with Inverter.load(generator, workers=2) as inverter:
         cases, done = _cases(data, pairs, prefix or inverter.generator.name, count), counter(1)
         metrics, turned = list(metric) or None, pairs is not None
-        found = measure(
-            inverter,
-            cases,
-            candidates,
-            steps,
-            turned,
-            metrics,
-            lambda case: update(next(done), case.name),
-            rank,
-            refine,
-        )
+        shapes = _random_shapes(inverter, data, nearest_of)
+        with bar("measuring", count) as update:
+            found = measure(
+                inverter,
+                cases,
+                candidates,
+                steps,
+                turned,
+                metrics,
+                lambda case: update(next(done), case.name),
+                rank,
+                refine,
+                shapes,
+            )
     print(table(found))
     if json:
         json.write_text(jsons.dumps(found.to_dict(), indent=1))
@@ -223,6 +233,16 @@ def _foreign(
         return compare_meshes(cases, meshes, count, list(metric) or None, json)
     assert pictures is not None
     print(f"Wrote {write_pictures(cases, pictures)} pictures to {pictures}; a mesh for each is to have the same name.")
+
+
+def _random_shapes(inverter: Inverter, data: Path | None, count: int) -> list[Shape]:
+    from dipcg.baselines import built_shapes, stored_shapes
+    from dipcg.terminal import bar
+
+    if data is not None:
+        return stored_shapes(data, count)
+    with bar("building random shapes", count) as update:
+        return built_shapes(inverter.pool, count, report=lambda done: update(done, ""))
 
 
 def _cases(data: Path | None, pairs: Path | None, prefix: str, count: int) -> Iterator[Case]:

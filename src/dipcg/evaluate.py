@@ -6,14 +6,15 @@ takes and what a failed build counts as. A failed build counts as the worst case
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from dipcg import registry
+from dipcg.baselines import Shape, middle, shortlist
 from dipcg.dataset import decode_mesh, load_shapes
 from dipcg.images import MARGIN, Source
 from dipcg.mesh import Mesh
@@ -96,9 +97,20 @@ def pair_cases(folder: str | Path, prefix: str) -> Iterator[Case]:
     pictures = [path for path in sorted(Path(folder).glob(f"{prefix}*.png")) if path.with_suffix(".npz").is_file()]
     if not pictures:
         raise ValueError(f"{folder} has no pair {prefix}*.png and {prefix}*.npz (with an array `points`).")
-    for path in pictures:
-        points = normalise(np.load(path.with_suffix(".npz"))["points"].astype(float))
-        yield Case(path.stem, path, lambda count, rng, points=points: rng.choice(points, count, count > len(points)))
+    return map(_pair, pictures)
+
+
+def _pair(path: Path) -> Case:
+    points = normalise(np.load(path.with_suffix(".npz"))["points"].astype(float))
+    return Case(path.stem, path, lambda count, rng: rng.choice(points, count, count > len(points)))
+
+
+class Answer(NamedTuple):
+    """What a row of the table says to a picture; without a mesh when it cannot be built."""
+
+    row: str
+    params: Params
+    mesh: Mesh | None
 
 
 def evaluate(
@@ -111,47 +123,62 @@ def evaluate(
     report: Callable[[Case], None] = lambda case: None,
     ranked: bool = False,
     refine_s: float = 0,
+    random_shapes: Sequence[Shape] = (),
 ) -> Table:
-    """Measure the noise floor, a random shape, the direct guess, the most central sample, and the estimate.
+    """Measure estimates beside what bounds them; a row for each.
+
+    The noise floor (the truth, other points of it); a random shape; the mean of the prior, which is the same shape for
+    every picture; of `random_shapes` the one nearest to the truth, which a search without a network would find if it
+    knew the truth; the direct guess; the most central sample; and the estimate.
 
     With `quarter_turns` an estimate is compared at the best of four turns about Z, for data with unknown fronts. With
     `ranked` all candidates are built: the one that ranking puts first and the one nearest to the truth are measured
     too, and with `refine_s` what so many seconds of search make of the first.
     """
     table = Table([column for name in metrics or registry.names("metrics") for column in load_metric(name).columns])
+    mean = _built(inverter, "mean of the prior", middle(inverter.generator.space))
     for number, case in enumerate(cases):
-        rng = np.random.default_rng([1, number])
         found = inverter.estimate(case.image, max(2, candidates), steps)
-        if case.mesh is not None:
-            table.add("noise floor", _compare(table.metrics, case, case.mesh, None, rng, False, inverter))
-        rows = [(row, params, _try_build(inverter, params)) for row, params in _rows(inverter, found, case, rng)]
+        answers = [_random(inverter, number), mean, *_nearest(random_shapes, case, quarter_turns)]
+        answers += _estimated(inverter, found, case)
         if ranked or refine_s:
-            rows += _chosen_rows(found, case, refine_s, quarter_turns)
-        for row, params, mesh in rows:
-            values = _compare(table.metrics, case, mesh, params, rng, quarter_turns, inverter)
+            answers += _chosen(found, case, refine_s, quarter_turns)
+        if case.mesh is not None:
+            table.add("noise floor", _compare(table.metrics, case, case.mesh, None, number, False, inverter))
+        for row, params, mesh in answers:
+            values = _compare(table.metrics, case, mesh, params, number, quarter_turns, inverter)
             table.add(row, values, failed=mesh is None)
         report(case)
     return table
 
 
-def _rows(inverter: Inverter, found: Estimate, case: Case, rng: np.random.Generator) -> Iterator[tuple[str, Params]]:
-    yield "prior (a random one)", inverter.generator.space.sample(rng)
+def _random(inverter: Inverter, number: int) -> Answer:
+    rng = np.random.default_rng([1, number])
+    return _built(inverter, "prior (a random one)", inverter.generator.space.sample(rng))
+
+
+def _nearest(shapes: Sequence[Shape], case: Case, quarter_turns: bool) -> Iterator[Answer]:
+    if shapes:
+        few = shortlist(shapes, case.sample(CHOSEN_BY, np.random.default_rng(0)), quarter_turns)
+        nearest = min(few, key=lambda shape: distance(shape.mesh, case, quarter_turns))
+        yield Answer(f"nearest of {len(shapes)} random", nearest.params, nearest.mesh)
+
+
+def _estimated(inverter: Inverter, found: Estimate, case: Case) -> Iterator[Answer]:
     if inverter.model.config.objective == "flow":  # the paper's model makes no guess
-        yield "direct guess", inverter.guess(case.image).params
-    yield "most central sample", found.candidates[1].params
-    yield "estimate", found.params
+        yield _built(inverter, "direct guess", inverter.guess(case.image).params)
+    yield _built(inverter, "most central sample", found.candidates[1].params)
+    yield _built(inverter, "estimate", found.params)
 
 
-def _chosen_rows(
-    found: Estimate, case: Case, refine_s: float, quarter_turns: bool
-) -> Iterator[tuple[str, Params, Mesh | None]]:
+def _chosen(found: Estimate, case: Case, refine_s: float, quarter_turns: bool) -> Iterator[Answer]:
     chosen = rank(found)
-    yield "best ranked", chosen.params, chosen.candidates[0].mesh
+    yield Answer("best ranked", chosen.params, chosen.candidates[0].mesh)
     nearest = min(chosen.candidates, key=lambda candidate: distance(candidate.mesh, case, quarter_turns))
-    yield f"best of {len(found.candidates)} by truth", nearest.params, nearest.mesh
+    yield Answer(f"best of {len(found.candidates)} by truth", nearest.params, nearest.mesh)
     if refine_s:
         searched = refine(chosen, refine_s)
-        yield f"refined for {refine_s:g} s", searched.params, searched.candidates[0].mesh
+        yield Answer(f"refined for {refine_s:g} s", searched.params, searched.candidates[0].mesh)
 
 
 def distance(mesh: Mesh | None, case: Case, quarter_turns: bool) -> float:
@@ -163,11 +190,11 @@ def distance(mesh: Mesh | None, case: Case, quarter_turns: bool) -> float:
     return chamfer(best_quarter_turn(ours, truth) if quarter_turns else ours, truth)
 
 
-def _try_build(inverter: Inverter, params: Params) -> Mesh | None:
+def _built(inverter: Inverter, row: str, params: Params) -> Answer:
     try:
-        return inverter.build(params, "light").mesh
+        return Answer(row, params, inverter.build(params, "light").mesh)
     except BuildError:
-        return None
+        return Answer(row, params, None)
 
 
 def _compare(
@@ -175,11 +202,12 @@ def _compare(
     case: Case,
     mesh: Mesh | None,
     params: Params | None,
-    rng: np.random.Generator,
+    number: int,
     quarter_turns: bool,
     inverter: Inverter,
 ) -> dict[str, float]:
     values: dict[str, float] = {}
+    rng = np.random.default_rng([1, number])  # the truth's points are the same in every row, whichever rows there are
     for count in sorted({metric.points for metric in metrics if metric.compares == "points"}):
         truth, ours = case.sample(count, rng), None if mesh is None else surface_points(mesh, count, rng)
         if ours is not None and quarter_turns:
