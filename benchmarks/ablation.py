@@ -14,10 +14,11 @@ from itertools import islice
 from pathlib import Path
 
 from benchmarks.timing import header, machine, row
-from dipcg.evaluate import Table, evaluate, pair_cases, split_cases
+from dipcg.evaluate import evaluate, pair_cases, split_cases
 from dipcg.pipeline import Inverter
 from dipcg.recipes import RECIPES, find_recipe
 from dipcg.store import Store
+from dipcg.tables import Table
 
 MINUTES = os.environ.get("DIPCG_BENCH_MINUTES", "60")
 COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "100"))

@@ -5,7 +5,7 @@ import os
 from dipcg.baselines import built_shapes, stored_shapes
 from dipcg.evaluate import evaluate, pair_cases, split_cases
 from dipcg.pipeline import Inverter
-from dipcg.terminal import table
+from dipcg.terminal import differences, table
 
 COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "100"))
 RANDOM = 200  # shapes of which the nearest to the truth is a row
@@ -19,12 +19,12 @@ def main() -> None:
         )
     with Inverter.load("chair", workers=2) as inverter:
         if data:
-            print(f"Test split, {COUNT} shapes:\n")
-            print(table(evaluate(inverter, split_cases(data, COUNT), random_shapes=stored_shapes(data, RANDOM))))
+            found = evaluate(inverter, split_cases(data, COUNT), random_shapes=stored_shapes(data, RANDOM))
+            print(f"Test split, {COUNT} shapes:\n\n{table(found)}\n\n{differences(found)}")
         if pairs:
-            print("\nPairs, at the best of four quarter turns:\n")
             shapes = built_shapes(inverter.pool, RANDOM)
-            print(table(evaluate(inverter, pair_cases(pairs, "chair"), quarter_turns=True, random_shapes=shapes)))
+            found = evaluate(inverter, pair_cases(pairs, "chair"), quarter_turns=True, random_shapes=shapes)
+            print(f"\nPairs, at the best of four quarter turns:\n\n{table(found)}\n\n{differences(found)}")
 
 
 if __name__ == "__main__":

@@ -186,7 +186,7 @@ def evaluate(
     from dipcg.evaluate import evaluate as measure
     from dipcg.export import check_target
     from dipcg.pipeline import Inverter
-    from dipcg.terminal import bar, table
+    from dipcg.terminal import bar, differences, table
 
     if (data is None) == (pairs is None):
         raise ValueError("Give one of --data and --pairs.")
@@ -213,7 +213,7 @@ def evaluate(
                 refine,
                 shapes,
             )
-    print(table(found))
+    print(f"{table(found)}\n\n{differences(found)}")
     if json:
         json.write_text(jsons.dumps(found.to_dict(), indent=1))
 

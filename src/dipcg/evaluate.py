@@ -7,9 +7,9 @@ takes and what a failed build counts as. A failed build counts as the worst case
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from dipcg.rank import rank
 from dipcg.refine import refine
 from dipcg.render import Renderer, sample_look
 from dipcg.space import Params
+from dipcg.tables import ESTIMATE, Table
 from dipcg.worker import BuildError
 
 PICTURE = 256  # side of the pictures made of a test split
@@ -42,39 +43,6 @@ class Case:
     sample: Sampler
     params: Params | None = None
     mesh: Mesh | None = None
-
-
-@dataclass
-class Table:
-    """Values of every metric for every case, by row; a failed build is counted and has the worst values."""
-
-    metrics: list[Metric]
-    values: dict[str, dict[str, list[float]]] = field(default_factory=dict)
-    failures: dict[str, int] = field(default_factory=dict)
-
-    def add(self, row: str, values: dict[str, float], failed: bool = False) -> None:
-        for name, value in values.items():
-            self.values.setdefault(row, {}).setdefault(name, []).append(value)
-        self.failures[row] = self.failures.get(row, 0) + failed
-
-    def mean(self, row: str, metric: str) -> float | None:
-        found = self.values[row].get(metric)
-        return float(np.mean(found)) if found else None
-
-    def interval(self, row: str, metric: str, draws: int = 2000) -> tuple[float, float]:
-        """The 95 % bootstrap interval of the mean over cases (Efron 1979, percentiles)."""
-        values = np.array(self.values[row][metric])
-        means = values[np.random.default_rng(0).integers(len(values), size=(draws, len(values)))].mean(1)
-        low, high = np.percentile(means, [2.5, 97.5])
-        return float(low), float(high)
-
-    def to_dict(self) -> dict[str, dict[str, Any]]:
-        """Means, intervals and failures as plain values."""
-        table: dict[str, dict[str, Any]] = {}
-        for row, found in self.values.items():
-            table[row] = {name: [self.mean(row, name), *self.interval(row, name)] for name in found}
-            table[row]["failures"] = self.failures[row]
-        return table
 
 
 def split_cases(folder: str | Path, count: int, seed: int = 0, split: str = "test") -> Iterator[Case]:
@@ -168,7 +136,7 @@ def _estimated(inverter: Inverter, found: Estimate, case: Case) -> Iterator[Answ
     if inverter.model.config.objective == "flow":  # the paper's model makes no guess
         yield _built(inverter, "direct guess", inverter.guess(case.image).params)
     yield _built(inverter, "most central sample", found.candidates[1].params)
-    yield _built(inverter, "estimate", found.params)
+    yield _built(inverter, ESTIMATE, found.params)
 
 
 def _chosen(found: Estimate, case: Case, refine_s: float, quarter_turns: bool) -> Iterator[Answer]:

@@ -18,11 +18,12 @@ from jaxtyping import Float
 from scipy.spatial import KDTree
 
 from dipcg import registry
-from dipcg.evaluate import Case, Table
+from dipcg.evaluate import Case
 from dipcg.images import load_image, save_image
 from dipcg.mesh import Mesh, MeshError, make_mesh
 from dipcg.metrics import Metric, Points, load_metric, normalise, surface_points
 from dipcg.metrics.chamfer import measure as chamfer
+from dipcg.tables import Table
 from dipcg.topology import Topology, quads_in, topology
 
 FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")

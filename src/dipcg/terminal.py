@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dipcg.evaluate import Table
+    from dipcg.tables import Table
 
 Update = Callable[[int, str], None]
 
@@ -41,6 +41,16 @@ def table(found: Table) -> str:
         cells = [_cell(found, row, name) if name in values else "" for name in names]
         lines.append(f"| {row} | " + " | ".join(cells) + f" | {found.failures[row]} |")
     return "\n".join(lines)
+
+
+def differences(found: Table) -> str:
+    """A Markdown table of each row less the estimate in the first metric; empty without an estimate."""
+    metric = found.metrics[0].name
+    rows = [
+        f"| {row} | {mean:+.3f} [{low:+.3f}, {high:+.3f}] |"
+        for row, (mean, low, high) in found.differences(metric).items()
+    ]
+    return "\n".join([f"| | {metric}, less the estimate's |", "|---|---|", *rows]) if rows else ""
 
 
 def _cell(found: Table, row: str, name: str) -> str:
