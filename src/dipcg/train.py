@@ -29,6 +29,7 @@ from dipcg.diffusion import denoising_loss, guess_loss, with_view
 from dipcg.estimators import AnyEstimator, PaperEstimator, build_estimator
 from dipcg.generators import Generator
 from dipcg.recipes import published_views
+from dipcg.team import Team
 from dipcg.telling import Sentences
 from dipcg.validate import Validation, validate
 from dipcg.weights import find_checkpoint
@@ -64,12 +65,19 @@ def train(
     torch.manual_seed(config.seed)
     generator, shapes = load_shapes(data, "train")
     run = Run(build_estimator(generator.space, model_config), config, Path(out), generator)
-    run.about |= {"shapes": len(shapes.x), "machine": _machine(run.device)}
+    if _compiles(config, run.device):
+        torch._dynamo.config.suppress_errors = True  # what cannot be compiled runs as it is
+        run.model.encoder.compile()
+        run.model.denoiser.compile()
+    run.about |= {"shapes": len(shapes.x), "machine": _machine(run.device, run.team.size)}
     checks = _validation_batch(data, run.model, config.seed)
-    batches = iter(loader(_input(generator, shapes, run.model, config), config.workers))
+    own = replace(config, seed=config.seed + 1000 * run.team.rank)  # every process sees other pictures and other noise
+    torch.manual_seed(own.seed)
+    batches = iter(loader(_input(generator, shapes, run.model, own), config.workers))
     with _processors_left_by(config.workers):
         for status in run.steps(batches, checks):
-            report(status)
+            if run.team.leads:
+                report(status)
     return run.averaged
 
 
@@ -89,7 +97,8 @@ class Run:
 
     def __init__(self, model: AnyEstimator, config: TrainConfig, out: Path, generator: Generator) -> None:
         self.config, self.out, self.generator = config, out, generator
-        self.device = choose_device(config.device)
+        self.team = Team(config.device)
+        self.device = self.team.device or choose_device(config.device)
         self.about: dict[str, Any] = {}  # what a card says besides
         if config.start:
             seen = load_matching(model, find_checkpoint(config.start))
@@ -102,10 +111,6 @@ class Run:
         )
         self.elapsed_s, self.pictures, self.step, self.best = 0.0, 0, 0, math.inf
         self._resume()
-        if _compiles(config, self.device):
-            torch._dynamo.config.suppress_errors = True  # what cannot be compiled runs as it is
-            self.model.encoder.compile()
-            self.model.denoiser.compile()
 
     @property
     def share(self) -> float:
@@ -119,10 +124,10 @@ class Run:
             batch = next(batches)
             waited += time.monotonic() - asked
             loss = self.learn(batch)
-            self.elapsed_s = before + time.monotonic() - started
+            self.elapsed_s = self.team.agree(before + time.monotonic() - started)
             found = None
             if self.elapsed_s - checked > VALIDATE_EVERY_S or self.share >= 1:
-                found, checked = self.check(checks), self.elapsed_s
+                found, checked = self.check(checks) if self.team.leads else None, self.elapsed_s
             if found or self.step % 20 == 0:
                 busy = time.monotonic() - started
                 rate = self.pictures / max(self.elapsed_s, 1e-6)
@@ -134,10 +139,11 @@ class Run:
         loss = self._loss(Batch(*(part.to(self.device, non_blocking=True) for part in batch)))
         self.optimiser.zero_grad()
         loss.backward()
+        self.team.average(self.model.parameters())
         torch.nn.utils.clip_grad_norm_(self.model.parameters(), 1.0)
         self.optimiser.step()
         self._average()
-        self.step, self.pictures = self.step + 1, self.pictures + len(batch.x)
+        self.step, self.pictures = self.step + 1, self.pictures + self.team.size * len(batch.x)
         return float(loss.detach())
 
     def check(self, checks: Batch) -> Validation:
@@ -228,9 +234,9 @@ def _compiles(config: TrainConfig, device: torch.device) -> bool:
     return device.type == "cuda" or (config.minutes > 5 and shutil.which("c++") is not None)
 
 
-def _machine(device: torch.device) -> str:
+def _machine(device: torch.device, processes: int) -> str:
     if device.type == "cuda":
-        return torch.cuda.get_device_name(device)
+        return f"{processes} × {torch.cuda.get_device_name(device)}"
     return f"{os.cpu_count()} cores, {platform.machine()}"
 
 
