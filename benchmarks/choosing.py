@@ -76,7 +76,7 @@ def climb(inverter: Inverter, case: Case, turned: bool) -> Iterable[tuple[str, f
         while search.goes_on(np.inf, builds):
             search.generation()
         yield f"after {builds} builds of search", distance(search.best.mesh, case, turned), _since(started)
-    search.judge.close()
+    search.close()
 
 
 def report(rungs: dict[str, Rung]) -> None:

@@ -1,4 +1,8 @@
-"""Choosing among candidates: render each from its own estimated camera and compare with the picture."""
+"""Choosing among candidates: render each from its own estimated camera and compare with the picture.
+
+Agreement alone is a bad judge: with a camera that may move, a wrong shape can look right. So it weighs candidates, and
+the one is chosen that is nearest to all others by their weight: the least expected distance from the truth.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +10,15 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 from scipy.optimize import minimize
+from scipy.spatial import KDTree
 
 from dipcg.camera import View
 from dipcg.compare import SIDE, Picture
 from dipcg.images import MARGIN
 from dipcg.mesh import Mesh
+from dipcg.metrics import surface_points
 from dipcg.pipeline import Candidate, Estimate
 from dipcg.render import Renderer
 from dipcg.space import Choice, Params
@@ -24,14 +31,18 @@ STEPS = np.array([8.0, 6.0, 0.2])  # of that search: azimuth and elevation in de
 TRIES = 24  # renders for each of these
 STRANGE = 0.5  # misfit above which a picture shows nothing that the generator makes; see docs/results.md
 NEAREST, FARTHEST = 1.5, 6.0  # distances that `encode_view` can tell apart
-PRIOR = 0.1  # weight of the surprise against the agreement; see docs/results.md
+PRIOR = 0.1  # weight of the surprise against the agreement
+CAMERA = 0.01  # and of the square of the steps that the camera is from where the network expects it …
+FAR = 9.0  # … up to this square
+TEMPERATURE = 0.07  # of the score: what makes one candidate e times as likely as another
+POINTS = 512  # of a surface, to tell how far apart two candidates are
 
 
 def rank(estimate: Estimate, report: Callable[[int], None] = lambda built: None) -> Estimate:
-    """Build the light mesh of every candidate, and order them by how well they match the picture, the best first.
+    """Build the light mesh of every candidate, and order them by how far from the truth each is expected to be.
 
     Candidates that are nearly the same are merged; one that cannot be built goes last. `report` is told how many are
-    built. The misfit is what the best one's agreement lacks of 1.
+    built. The misfit is what the highest agreement lacks of 1.
     """
     judge = Judge(estimate)
     try:
@@ -42,7 +53,7 @@ def rank(estimate: Estimate, report: Callable[[int], None] = lambda built: None)
             seen.append(judge.align(judge.look(replace(candidate, mesh=mesh)), GLANCES) if built else candidate)
             report(number)
         found = judge.best_first(seen)
-        found = judge.best_first([*map(judge.align, found[:ALIGNED]), *found[ALIGNED:]])
+        found = judge.safest_first([*map(judge.align, found[:ALIGNED]), *found[ALIGNED:]])
     finally:
         judge.close()
     return judged(estimate, merged(estimate, found))
@@ -72,9 +83,9 @@ def turned(view: View, azimuth_deg: float, elevation_deg: float, nearer: float) 
 
 
 def judged(estimate: Estimate, candidates: list[Candidate]) -> Estimate:
-    """The estimate with these candidates and the misfit of the best of them."""
-    best = candidates[0].agreement
-    return replace(estimate, candidates=candidates, misfit=None if best is None else 1 - best)
+    """The estimate with these candidates and the misfit of the one that agrees best."""
+    agreements = [candidate.agreement for candidate in candidates if candidate.agreement is not None]
+    return replace(estimate, candidates=candidates, misfit=1 - max(agreements) if agreements else None)
 
 
 class Judge:
@@ -121,10 +132,11 @@ class Judge:
         return replace(candidate, agreement=float(-done.fun), view=turned(view, *(done.x * STEPS)))
 
     def score(self, candidate: Candidate) -> float:
-        """What candidates are ordered by: agreement, less how far the network would not have expected them."""
+        """Agreement, less how little the network would have expected the parameters and the camera."""
         if candidate.agreement is None:
             return -np.inf
-        return candidate.agreement - PRIOR * self.surprise(candidate.params)
+        moved = min(apart(candidate.view, self.estimate.expected.view), FAR)
+        return candidate.agreement - PRIOR * self.surprise(candidate.params) - CAMERA * moved
 
     def surprise(self, params: Params) -> float:
         """Mean distance in x from the expected candidate, over active reals, and of choices 1 less their chance."""
@@ -138,6 +150,31 @@ class Judge:
     def best_first(self, candidates: list[Candidate]) -> list[Candidate]:
         """Ordered by score; those that could not be built last."""
         return sorted(candidates, key=self.score, reverse=True)
+
+    def safest_first(self, candidates: list[Candidate]) -> list[Candidate]:
+        """Ordered by the expected distance from the truth, if each is the truth with a chance that its score gives."""
+        built = [candidate for candidate in candidates if candidate.mesh is not None]
+        if not built:
+            return candidates
+        scores = np.array([self.score(candidate) for candidate in built])
+        chances = np.exp((scores - scores.max()) / TEMPERATURE)
+        expected = distances([c.mesh for c in built if c.mesh is not None]) @ chances
+        return [built[i] for i in np.argsort(expected, kind="stable")] + [c for c in candidates if c.mesh is None]
+
+
+def apart(view: View, other: View) -> float:
+    """Square of how many `STEPS` two cameras are apart."""
+    azimuth = (view.azimuth_deg - other.azimuth_deg + 180) % 360 - 180
+    nearness = np.log(view.distance / other.distance)
+    return float((([azimuth, view.elevation_deg - other.elevation_deg, nearness] / STEPS) ** 2).sum())
+
+
+def distances(meshes: list[Mesh]) -> Float[np.ndarray, "n n"]:
+    """Chamfer distance of every two meshes, from few points."""
+    points = [surface_points(mesh, POINTS, np.random.default_rng(0)) for mesh in meshes]
+    trees = [KDTree(p) for p in points]
+    one_way = np.array([[tree.query(p)[0].mean() for tree in trees] for p in points])
+    return (one_way + one_way.T) / 2
 
 
 def merged(estimate: Estimate, candidates: list[Candidate]) -> list[Candidate]:

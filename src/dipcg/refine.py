@@ -1,4 +1,4 @@
-"""Searching on from the best candidate: an evolution strategy over what the picture left open."""
+"""Searching on from the best candidate: the network's own corrections, and an evolution strategy beside them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from dipcg.camera import View
+from dipcg.correct import Corrector, can_correct
 from dipcg.mesh import Mesh
 from dipcg.pipeline import Candidate, Estimate, Step
 from dipcg.rank import Judge, judged, merged, rank
@@ -23,6 +25,7 @@ LEAST_CHANCE = 0.02  # added to the chance of each option that a jump may take
 LEAST_GAIN = 1e-3  # of the score, less than which is no gain
 WORST = -10.0  # the score of what cannot be built, since CMA-ES wants a number
 PATIENCE = 6  # generations without a better one, after which the search stops
+TRUST = 2  # generations without the best among the network's corrections, after which it is not asked again
 NEAR = 0.03  # agreement below the best within which a camera is searched for
 TRIES = 12  # renders for that
 
@@ -52,7 +55,7 @@ def refine(
             report(search.generation())
         last = search.judge.align(search.best, 2 * TRIES)
     finally:
-        search.judge.close()
+        search.close()
     found = judged(ranked, merged(ranked, [last, *ranked.candidates]))
     return replace(found, trace=search.trace)
 
@@ -63,10 +66,18 @@ class Search:
     def __init__(self, estimate: Estimate, started: float, seed: int) -> None:
         self.estimate, self.space = estimate, estimate.inverter.generator.space
         self.judge, self.rng = Judge(estimate), np.random.default_rng(seed)
+        self._corrector = Corrector(estimate, self.rng) if can_correct(estimate) else None
+        self._trust = TRUST
         self.best = estimate.candidates[0]
         self.builds, self.idle, self._started, self._took = 0, 0, started, 0.0
         self.trace = [self._step()]
         self._start()
+
+    def close(self) -> None:
+        """Free the renderers."""
+        self.judge.close()
+        if self._corrector:
+            self._corrector.close()
 
     def goes_on(self, seconds: float, most_builds: int | None) -> bool:
         """Whether there is time for another generation, and hope."""
@@ -78,8 +89,8 @@ class Search:
         """Build and judge one generation, and move on to what it found."""
         begun, before = time.monotonic(), self.judge.score(self.best)
         points = self._strategy.ask()
-        jumps = [jump for jump in (self._jump() for _ in range(JUMPS)) if jump is not None]
-        found = self._judged([*map(self._params, points), *jumps])
+        jumps, corrected = self._jumps(), self._corrections()
+        found = self._judged([*((self._params(point), self.best.view) for point in points), *jumps, *corrected])
         scores = [self.judge.score(candidate) for candidate in found]
         self._strategy.tell(points, [-max(score, WORST) for score in scores[: len(points)]])
         first = int(np.argmax(scores))
@@ -87,6 +98,8 @@ class Search:
             self.best = found[first]
             if first >= len(points):
                 self._start()
+        if first < len(points) + len(jumps) or scores[first] <= before:
+            self._trust -= 1
         self.idle = 0 if scores[first] > before + LEAST_GAIN else self.idle + 1
         self._took = time.monotonic() - begun
         self.trace.append(self._step())
@@ -113,6 +126,13 @@ class Search:
         x[self._free] += self._scale * point[: len(self._free)]
         return self.space.replace(self.space.decode(x), self.estimate.kept)
 
+    def _corrections(self) -> list[tuple[Params, View]]:
+        return self._corrector.suggest(self.best) if self._corrector and self._trust > 0 else []
+
+    def _jumps(self) -> list[tuple[Params, View]]:
+        jumps = (self._jump() for _ in range(JUMPS))
+        return [(params, self.best.view) for params in jumps if params is not None]
+
     def _jump(self) -> Params | None:
         """The best with another option of one choice, likelier ones more often; None where every choice is held."""
         best, kept = self.best.params, self.estimate.kept
@@ -133,15 +153,15 @@ class Search:
     def _active(self, params: Params) -> Params:
         return {name: value for name, value in params.items() if self.space.is_active(name, params)}
 
-    def _judged(self, many: list[Params]) -> list[Candidate]:
-        meshes = self.estimate.inverter.pool.map(many)
+    def _judged(self, many: list[tuple[Params, View]]) -> list[Candidate]:
+        meshes = self.estimate.inverter.pool.map([params for params, _ in many])
         self.builds += len(many)
-        return [self._judge_one(params, mesh) for params, mesh in zip(many, meshes, strict=True)]
+        return [self._judge_one(*one, mesh) for one, mesh in zip(many, meshes, strict=True)]
 
-    def _judge_one(self, params: Params, mesh: Mesh | BuildError) -> Candidate:
+    def _judge_one(self, params: Params, view: View, mesh: Mesh | BuildError) -> Candidate:
         if isinstance(mesh, BuildError):
-            return Candidate(params, self.best.view)
-        seen = self.judge.look(Candidate(params, self.best.view, mesh=mesh))
+            return Candidate(params, view)
+        seen = self.judge.look(Candidate(params, view, mesh=mesh), self.best.view)
         near = self.judge.score(seen) > self.judge.score(self.best) - NEAR
         return self.judge.align(seen, TRIES) if near else seen
 
