@@ -1,14 +1,17 @@
 """Sentences that describe parameters: a small grammar from the names, options and quantiles of a declared space.
 
 `words/NAME.toml` gives a generator phrases of its own: for options of a choice, and for the low and the high end of a
-real parameter. A generator without such a file is described with the names of its parameters.
+real parameter. A generator without such a file is described with the names of its parameters. `words/_chatter.toml`
+has what people say besides, which tells nothing of the shape and is to be heard as such.
 """
 
 from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,18 +20,27 @@ from dipcg.space import Choice, Parameter, Params, Real
 
 FOLDER = Path(__file__).parent / "words"
 LOW, HIGH = 0.25, 0.75  # quantiles from which a real parameter is worth a word
-AFTER = ("with", "without", "on", "that", "no ", "close", "leaning")  # how phrases begin that follow the noun
+AFTER = {  # words that phrases begin with which follow the noun
+    "with", "without", "on", "that", "no", "close", "leaning", "whose", "having", "standing", "where", "like", "for",
+    "of", "about", "under", "over", "less", "more", "in", "not", "minus", "made", "as",
+}  # fmt: skip
 MOST = 7  # things said in one sentence
+CHATTER = 0.4  # how often something is said before, after, and in between
 
 Phrases = Mapping[str, Mapping[str, Sequence[str]]]
 
 
 def load_words(generator: Generator) -> tuple[list[str], Phrases]:
     """The nouns for a generator's asset, and the phrases for each parameter."""
-    path = FOLDER / f"{generator.name}.toml"
-    given = tomllib.loads(path.read_text()) if path.is_file() else {}
+    given = dict(_load_phrases(FOLDER / f"{generator.name}.toml"))
     nouns = given.pop("nouns", [generator.name])
+    given.pop("only", None)
     return nouns, given or {p.name: _plain_words(p) for p in generator.space}
+
+
+@cache
+def _load_phrases(path: Path) -> dict[str, Any]:
+    return tomllib.loads(path.read_text()) if path.is_file() else {}
 
 
 def says(parameter: Parameter, value: object) -> str | None:
@@ -41,23 +53,48 @@ def says(parameter: Parameter, value: object) -> str | None:
 
 def caption(generator: Generator, params: Params, rng: np.random.Generator) -> str:
     """One of many sentences about an asset: a random few of the things that are true of it."""
+    return tell(generator, params, rng)[0]
+
+
+def tell(generator: Generator, params: Params, rng: np.random.Generator) -> tuple[str, list[str]]:
+    """A caption, and the names of the parameters that it says something about."""
     nouns, phrases = load_words(generator)
     space = generator.space
-    active = [p for p, on in zip(space, space.active(params), strict=True) if on]
+    active = [p for p, on in zip(space, space.active(params), strict=True) if on and _may_be_told(generator, p, params)]
     true = [(p.name, said) for p in active if (said := says(p, params[p.name])) in phrases.get(p.name, ())]
-    chosen = rng.permutation(len(true))[: rng.integers(1, MOST + 1)]
-    parts = [str(rng.choice(phrases[true[i][0]][true[i][1]])) for i in chosen]
-    return _sentence(str(rng.choice(nouns)), parts, rng)
+    chosen = [true[i] for i in rng.permutation(len(true))[: rng.integers(1, MOST + 1)]]
+    parts = [str(rng.choice(phrases[name][said])) for name, said in chosen]
+    return _with_chatter(str(rng.choice(nouns)), parts, rng), [name for name, _ in chosen]
+
+
+def _may_be_told(generator: Generator, parameter: Parameter, params: Params) -> bool:
+    """Whether the conditions hold that the words file's table `only` sets for phrases about a parameter."""
+    conditions = _load_phrases(FOLDER / f"{generator.name}.toml").get("only", {}).get(parameter.name, {})
+    return all(str(params[name]) in options for name, options in conditions.items())
+
+
+def _with_chatter(noun: str, parts: list[str], rng: np.random.Generator) -> str:
+    opening, ending, adjective = (
+        str(rng.choice(chatter)) if chatter and rng.random() < CHATTER else "" for chatter in _load_chatter()
+    )
+    said = _sentence(noun, [adjective, *parts] if adjective else parts, rng)
+    return " ".join(f"{opening} {said} {ending}".split())
 
 
 def _sentence(noun: str, parts: list[str], rng: np.random.Generator) -> str:
-    after = [part for part in parts if part.startswith(AFTER)]
+    after = [part for part in parts if part.split()[0] in AFTER]
     before = [part for part in parts if part not in after]
     if rng.random() < 0.3:  # as people type into a search box
         return ", ".join(rng.permutation([noun, *parts]).tolist())
     start = " ".join([str(rng.choice(["a", "one", ""])), ", ".join(before), noun])
     joined = str(rng.choice([" and ", ", ", " "])).join(after)
     return " ".join(f"{start} {joined}".split())
+
+
+@cache
+def _load_chatter() -> tuple[list[str], list[str], list[str]]:
+    found = tomllib.loads((FOLDER / "_chatter.toml").read_text())
+    return found["openings"], found["endings"], found["adjectives"]
 
 
 def _plain_words(parameter: Parameter) -> dict[str, list[str]]:

@@ -19,6 +19,7 @@ from dipcg.config import ModelConfig
 from dipcg.encoders import Features
 
 LENGTH, CHANNELS = 96, 384  # tokens a sentence is cut or filled up to, and numbers in each
+QUESTIONS, NARROW = 48, 64  # that the summary puts to the tokens, and numbers in each answer
 PIECES = 2.05  # tokens a word: misspelt English stays below, most other languages do not
 
 
@@ -27,22 +28,24 @@ def build(config: ModelConfig) -> nn.Module:
 
 
 class SentenceEncoder(nn.Module):
-    """Tokens as `embed` gives them, and a summary of their mean."""
+    """Tokens as `embed` gives them, and a summary of what some learnt questions read from them."""
 
     channels = CHANNELS
     image_size = 0  # sees no picture
 
     def __init__(self, summary: int) -> None:
         super().__init__()
+        self.questions = nn.Linear(CHANNELS, QUESTIONS, bias=False)
+        self.narrow = nn.Linear(CHANNELS, NARROW)
         self.pool = nn.Sequential(
-            nn.Linear(2 * CHANNELS, summary), nn.GELU(), nn.Linear(summary, summary), nn.LayerNorm(summary), nn.GELU()
+            nn.Linear(QUESTIONS * NARROW, summary), nn.LayerNorm(summary), nn.GELU(), nn.Linear(summary, summary)
         )
 
     def forward(self, words: Float[Tensor, "b t c"]) -> Features:
         there = words.abs().sum(-1, keepdim=True) > 0
-        mean = words.sum(1) / there.sum(1).clamp_min(1)
-        strongest = words.masked_fill(~there, -torch.inf).amax(1).clamp_min(-10)
-        return Features(words, self.pool(torch.cat([mean, strongest], 1)))
+        attention = self.questions(words).masked_fill(~there, -1e4).softmax(1)
+        answers = self.narrow(attention.transpose(1, 2).to(words.dtype) @ words)
+        return Features(words, self.pool(answers.flatten(1)))
 
 
 @torch.inference_mode()
