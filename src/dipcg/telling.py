@@ -26,24 +26,23 @@ class Sentences(IterableDataset):
     """
 
     def __init__(self, generator: Generator, shapes: Shapes, batch: int, repeats: int = 1, seed: int = 0) -> None:
-        self.generator, self.shapes, self.batch, self.seed = generator, shapes, batch, seed
-        self.fresh = max(1, batch // repeats)
+        self.generator, self.shapes, self.batch, self.repeats, self.seed = generator, shapes, batch, repeats, seed
 
     def __iter__(self) -> Iterator[Batch]:
         worker = get_worker_info()
         rng = np.random.default_rng([self.seed, worker.id if worker else 0])
         recent = self._tell(self.batch, rng)
         while True:
-            recent = _keep(recent, self._tell(self.fresh, rng), rng)
-            chosen = torch.from_numpy(rng.choice(len(recent.x), self.batch, replace=False))
-            words, x, wanted = (part[chosen] for part in recent)
-            yield Batch(words.float(), x, wanted)
+            recent = _keep(recent, self._tell(self.batch, rng), rng)  # many at once: the fewer, the longer each takes
+            for _ in range(self.repeats):
+                chosen = torch.from_numpy(rng.choice(len(recent.x), self.batch, replace=False))
+                words, x, wanted = (part[chosen] for part in recent)
+                yield Batch(words.float(), x, wanted)
 
     def _tell(self, count: int, rng: np.random.Generator) -> Batch:
         space, chosen = self.generator.space, rng.integers(len(self.shapes.x), size=count)
         told = [tell(self.generator, space.decode(x.astype(float)), rng) for x in self.shapes.x[chosen]]
-        with torch.autocast("cpu", torch.bfloat16):
-            words = embed([sentence for sentence, _ in told])
+        words = embed([sentence for sentence, _ in told], torch.bfloat16)
         said = np.array([[name in names for name in space.names] for _, names in told])
         wanted = self.shapes.active[chosen] & (said | (rng.random(said.shape) < UNSAID))
         x = np.pad(self.shapes.x[chosen], ((0, 0), (0, VIEW_NUMBERS)))

@@ -49,9 +49,9 @@ class SentenceEncoder(nn.Module):
 
 
 @torch.inference_mode()
-def embed(sentences: Sequence[str]) -> Float[Tensor, "b 96 384"]:
+def embed(sentences: Sequence[str], precision: torch.dtype = torch.float32) -> Float[Tensor, "b 96 384"]:
     """The frozen network's tokens of each sentence, zero where it has ended; what is longer than `LENGTH` is cut."""
-    tokenizer, network = _pretrained()
+    tokenizer, network = _pretrained(precision)
     read = tokenizer(list(sentences), padding="max_length", truncation=True, max_length=LENGTH, return_tensors="pt")
     used = int(read["attention_mask"].sum(1).max())  # the rest is zero for all
     found = network(**{key: value[:, :used] for key, value in read.items()}).last_hidden_state
@@ -87,7 +87,7 @@ def count_tokens(sentence: str) -> int:
 
 
 @cache
-def _pretrained() -> tuple[Any, Any]:
+def _pretrained(precision: torch.dtype = torch.float32) -> tuple[Any, Any]:
     """Tokenizer and network; raises ModuleNotFoundError with the command that gets them."""
     try:
         from transformers import AutoModel, AutoTokenizer
@@ -97,4 +97,4 @@ def _pretrained() -> tuple[Any, Any]:
         raise ModuleNotFoundError(
             f"Words need {error.name}: run `pip install 'dipcg[words]'`.", name=error.name
         ) from None
-    return AutoTokenizer.from_pretrained(folder), AutoModel.from_pretrained(folder).eval()
+    return AutoTokenizer.from_pretrained(folder), AutoModel.from_pretrained(folder, dtype=precision).eval()
