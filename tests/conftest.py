@@ -49,3 +49,47 @@ def textured(asset) -> Asset:
     uv = rng.random((faces, 3, 2), dtype=np.float32)
     maps = Maps(uv, corner_normals(asset.mesh), colours, grey[0], grey[1], normal)
     return Asset(asset.mesh, asset.generator, asset.params, maps)
+
+
+@pytest.fixture(scope="session")
+def studio(tmp_path_factory):
+    """What visitors of the app share, over the toy: one for all tests, since starting takes seconds."""
+    from serving import box_checkpoint
+
+    from dipcg.app_studio import Studio
+
+    with Studio([box_checkpoint(tmp_path_factory.mktemp("checkpoint"))], workers=1) as studio:
+        yield studio
+
+
+@pytest.fixture(scope="session")
+def mesh(studio):
+    from boxes import TRUTH
+
+    return studio.build("box", TRUTH).mesh
+
+
+@pytest.fixture(scope="session")
+def picture(studio, mesh, tmp_path_factory) -> Path:
+    from boxes import VIEW
+
+    from dipcg.images import save_image
+
+    path = tmp_path_factory.mktemp("pictures") / "box.png"
+    save_image(studio.tiles([(mesh, VIEW)])[0], path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def address(studio, tmp_path_factory):
+    """Of a server of the app."""
+    from serving import serving
+
+    with serving(studio, tmp_path_factory.mktemp("served")) as address:
+        yield address
+
+
+@pytest.fixture
+def downloads(tmp_path) -> Path:
+    (tmp_path / "downloads").mkdir()
+    return tmp_path / "downloads"

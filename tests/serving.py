@@ -5,11 +5,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import torch
-from boxes import untrained
+from boxes import TRUTH, VIEW, untrained
 
 from dipcg.app import build_page, launch
 from dipcg.app_studio import Studio
+from dipcg.app_work import Found, Work
 from dipcg.checkpoint import save_checkpoint
+
+OPEN = Work("box", (Found(TRUTH, VIEW),), 0, TRUTH)
 
 
 def box_checkpoint(folder: Path) -> str:
