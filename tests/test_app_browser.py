@@ -4,21 +4,21 @@ Screenshots are left in out/screenshots for people to look at.
 """
 
 import shutil
+import threading
 from pathlib import Path
 
 import pytest
 import trimesh
-from boxes import BOX, TRUTH, VIEW
+from boxes import BOX
 from playwright.sync_api import Page, expect, sync_playwright
-from serving import box_checkpoint, serving
 
-from dipcg.app_studio import Studio
-from dipcg.images import save_image
-from dipcg.space import params_from_json
+from dipcg.export import Asset
+from dipcg.space import Params, params_from_json
 
 SHOTS = Path(__file__).parents[1] / "out" / "screenshots"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+ALONE = "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"
 PATIENCE_MS = 60_000
 expect.set_options(timeout=PATIENCE_MS)
 
@@ -26,55 +26,37 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-ge
 
 
 @pytest.fixture(scope="module")
-def studio(tmp_path_factory):
-    with Studio([box_checkpoint(tmp_path_factory.mktemp("checkpoint"))], workers=1) as studio:
-        yield studio
-
-
-@pytest.fixture(scope="module")
-def picture(studio, tmp_path_factory) -> Path:
-    path = tmp_path_factory.mktemp("pictures") / "box.png"
-    save_image(studio.tiles([(studio.build("box", TRUTH).mesh, VIEW)])[0], path)
-    return path
-
-
-@pytest.fixture(scope="module")
-def address(studio, tmp_path_factory):
-    with serving(studio, tmp_path_factory.mktemp("served")) as address:
-        yield address
-
-
-@pytest.fixture(scope="module")
 def browser():
+    """One browser, whose pages share what it has read of Gradio's scripts; every page is a visitor of its own."""
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
-        yield browser
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=[*SOFTWARE, ALONE])
+        yield browser.new_context(reduced_motion="reduce")
         browser.close()
 
 
 @pytest.fixture
 def visit(browser, address):
-    """Opens the page in a browser of its own; nothing but this machine can be reached, and no script may fail."""
+    """Opens the page; nothing but this machine can be reached, or is asked for, and no script may fail."""
     opened, problems = [], []
 
     def visit(width: int = 1400, height: int = 950) -> Page:
-        context = browser.new_context(viewport={"width": width, "height": height})
-        context.route("**/*", lambda route: route.continue_() if "127.0.0.1" in route.request.url else lost(route))
-        page = context.new_page()
+        page = browser.new_page()
+        page.set_viewport_size({"width": width, "height": height})
         page.set_default_timeout(PATIENCE_MS)
         page.on("pageerror", lambda error: problems.append(str(error)))
+        page.on("request", lambda request: asked(request.url))
         page.goto(address)
         page.wait_for_selector("#viewer .empty")
-        opened.append(context)
+        opened.append(page)
         return page
 
-    def lost(route) -> None:
-        problems.append(f"asked for {route.request.url}")
-        route.abort()
+    def asked(url: str) -> None:
+        if not url.startswith((address, "data:", "blob:")):
+            problems.append(f"asked for {url}")
 
     yield visit
-    for context in opened:
-        context.close()
+    for page in opened:
+        page.close()
     assert not problems
 
 
@@ -227,3 +209,28 @@ def test_visitors_do_not_see_each_other(visit):
     expect(number(first, "depth")).to_have_value("0.300")
     second.get_by_role("button", name="Reset").click()
     expect(number(second, "depth")).to_have_value(theirs)
+
+
+def test_the_last_edit_wins_over_a_slower_one_before_it(visit, studio, monkeypatch):
+    begun, go, build = threading.Event(), threading.Event(), studio.build
+
+    def slowly(name: str, params: Params, *more: str) -> Asset:
+        if params["width"] == 0.9:
+            begun.set()
+            assert go.wait(PATIENCE_MS / 1000)
+        return build(name, params, *more)
+
+    page = visit()
+    page.get_by_role("button", name="Random").click()
+    page.wait_for_selector("[data-name=width]")
+    width = number(page, "width").input_value()
+    monkeypatch.setattr(studio, "build", slowly)
+    move(page, "width", 0.9)
+    while not begun.is_set():
+        page.wait_for_timeout(20)
+    page.get_by_role("button", name="Undo").click()
+    expect(number(page, "width")).to_have_value(width)
+    go.set()
+    move(page, "depth", 0.6)
+    expect(number(page, "depth")).to_have_value("0.600")
+    expect(number(page, "width")).to_have_value(width)

@@ -26,7 +26,8 @@ LAYERS = [
     + ["team", "correct", "tables", "baselines", "nearest", "topology", "foreign", "published"],
     ["cli", "cli_assets", "cli_estimate", "cli_generators", "cli_learning", "cli_mcmc", "cli_meshes", "cli_import"]
     + ["cli_app", "app", "app_actions", "app_api", "app_cutout", "app_desk", "app_events", "app_limits", "app_page"]
-    + ["app_parameters", "app_studio", "app_viewer", "app_work", "doctor", "listing", "terminal", "__main__", "__init__"],
+    + ["app_parameters", "app_studio", "app_viewer", "app_work", "doctor", "listing", "terminal"]
+    + ["__main__", "__init__"],
 ]
 TORCH_FREE = {*LAYERS[0], *LAYERS[1], *LAYERS[3]}
 FORBIDDEN_NAMES = {"utils", "core", "common", "helpers", "base"}

@@ -16,6 +16,7 @@ from jaxtyping import UInt8
 
 from dipcg import app_work
 from dipcg.app_cutout import Correction, corrected
+from dipcg.app_desk import Change
 from dipcg.app_studio import CANDIDATES, Report, Studio
 from dipcg.app_viewer import data_url, scene
 from dipcg.app_work import Work
@@ -33,17 +34,17 @@ Image = UInt8[np.ndarray, "h w 4"]
 
 
 def estimate(
-    studio: Studio, work: Work, picture: Image, generator: str, keep: Mapping[str, Any], seed: int, report: Report
-) -> tuple[Work, Strip, str]:
-    """Estimate, and open the best: the work, the strip of candidates, and in words how it went.
+    studio: Studio, picture: Image, generator: str, keep: Mapping[str, Any], seed: int, report: Report
+) -> tuple[Change, Strip]:
+    """Estimate: the change that opens the best, and the strip of candidates with words on how it went.
 
     An empty `generator` lets it choose. Raises what `Studio.estimate` does.
     """
     report(0.05, "Looking at the picture")
     likely = studio.recognise(picture) if not generator else [(generator, 1.0)]
     found = studio.estimate(picture, likely[0][0], keep, seed=seed, report=report)
-    work = app_work.estimated(work, likely[0][0], found, picture, frozenset(keep))
-    return work, strip(studio, found), told(found, likely)
+    fresh = app_work.estimated(likely[0][0], found, picture, frozenset(keep))
+    return lambda work: app_work.replaced(work, fresh), strip(studio, found) | {"note": told(found, likely)}
 
 
 def strip(studio: Studio, found: Estimate) -> Strip:
@@ -55,13 +56,13 @@ def strip(studio: Studio, found: Estimate) -> Strip:
         {"image": image, "label": words, "description": f"Candidate {number}"}
         for number, (image, words) in enumerate(zip(images, labels, strict=True), 1)
     ]
-    return {"picture": data_url(crop_to_object(found.image, 256)), "candidates": candidates, "chosen": 0}
+    return {"picture": data_url(crop_to_object(found.image, 256)), "candidates": candidates}
 
 
 def told(found: Estimate, likely: list[tuple[str, float]]) -> str:
     """How the estimate went, in a sentence or two."""
     name, chance = likely[0]
-    which = f"Recognised as **{name}** ({100 * chance:.0f} % sure). " if len(likely) > 1 else ""
+    which = f"Recognised as {name} ({100 * chance:.0f} % sure). " if len(likely) > 1 else ""
     count = len(found.candidates)
     many = f"{count} different candidates, the likeliest first." if count > 1 else "One candidate."
     doubt = warning(found)

@@ -16,6 +16,7 @@ from dipcg.images import MAX_PIXELS
 
 MOST_BYTES = 24 * 2**20  # of a picture
 MOST_BODY_BYTES = MOST_BYTES + 2**20  # of a request
+FAILED = "That did not work"
 WAITING = 100  # requests in the queue, above which one is turned away
 
 Scope = MutableMapping[str, Any]
@@ -64,7 +65,7 @@ def telling(work: Any) -> Any:
 
 def sentence(words: str) -> gr.Error:
     """An error that the page shows until it is closed."""
-    return gr.Error(html.escape(words, quote=False), duration=None, title="That did not work", print_exception=False)
+    return gr.Error(html.escape(words, quote=False), duration=None, title=FAILED, print_exception=False)
 
 
 def fetch_no_addresses() -> None:

@@ -52,12 +52,17 @@ def opened(work: Work, index: int) -> Work:
 
 
 def estimated(
-    work: Work, generator: str, found: Estimate, picture: UInt8[np.ndarray, "h w 4"], held: frozenset[str] = frozenset()
+    generator: str, found: Estimate, picture: UInt8[np.ndarray, "h w 4"], held: frozenset[str] = frozenset()
 ) -> Work:
     """What an estimate found, its best candidate open."""
     candidates = tuple(Found(c.params, c.view, c.agreement) for c in found.candidates)
-    fresh = Work(generator, candidates, 0, {}, found.spread, found.chances, held, picture=picture, opened=work.opened)
+    fresh = Work(generator, candidates, 0, {}, found.spread, found.chances, held, picture=picture)
     return opened(fresh, 0)
+
+
+def replaced(work: Work, fresh: Work) -> Work:
+    """Another asset laid on the table, as newly opened."""
+    return replace(fresh, opened=work.opened + 1)
 
 
 def drawn_at_random(work: Work, generator: str, space: ParameterSpace, rng: np.random.Generator) -> Work:

@@ -2,6 +2,7 @@
 // Sends `input` with a name and a value, and `select` with the name of a parameter to hold or to let go.
 const panel = element.querySelector(".parameters");
 const PATIENCE_MS = 8000; // for the answer to an edit, after which the next is sent anyway
+let newest = 0; // an answer that was overtaken by a later one is left out
 let built = "", asked = 0, next = null; // when the edit was sent that is not answered yet, and the edit that follows it
 
 function make(tag, properties = {}, ...children) {
@@ -94,7 +95,9 @@ function set(row, made) {
 }
 
 function show() {
-  const parts = props.value || [];
+  const { parts, version } = props.value || { parts: [], version: 0 };
+  if (version < newest) return;
+  newest = version;
   element.querySelector(".empty").hidden = parts.length > 0;
   const names = JSON.stringify(parts.map((part) => part.rows.map((row) => row.name)));
   if (names !== built) {

@@ -1,5 +1,6 @@
 // The picture as the model sees it, then the candidates from their own cameras; a click opens one.
 const list = element.querySelector(".strip");
+let newest = 0; // an answer that was overtaken by a later one is left out
 
 function figure(image, words, description) {
   const picture = document.createElement("img");
@@ -22,6 +23,9 @@ function tile(found, number) {
 
 function show() {
   const value = props.value;
+  if (value && value.version < newest) return;
+  newest = (value && value.version) || newest;
+  element.querySelector(".note").textContent = (value && value.note) || "";
   element.querySelector(".empty").hidden = Boolean(value && value.picture);
   list.replaceChildren();
   if (!value) return;

@@ -107,8 +107,12 @@ function aim(scene) {
   frame.opened = scene.opened;
 }
 
+let newest = 0; // an answer that was overtaken by a later one is left out
+
 function show() {
   const scene = props.value;
+  if (scene && scene.version < newest) return;
+  newest = scene ? scene.version : newest;
   element.querySelector(".empty").hidden = Boolean(scene);
   canvas.hidden = !scene;
   if (!scene || !gl) return;
