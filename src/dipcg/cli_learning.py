@@ -133,7 +133,7 @@ def train(
     if generator != info["generator"] and load_generator(generator).ref != info["ref"]:
         raise ValueError(f"{data} holds shapes of {info['generator']!r}, not of {generator!r}.")
     folder = output / info["generator"]
-    with bar("training", 1000) as update, Log(folder) as log:
+    with bar("training", 1000) as update, Log(folder, data) as log:
 
         def report(status: Any) -> None:
             update(int(1000 * status.share), f"loss {status.loss:.3f}, {status.pictures_per_s:.0f} pictures/s")
