@@ -1,8 +1,8 @@
 """Where estimates are wrong: `python -m benchmarks.analysis CHECKPOINT DATA FOLDER [COUNT]`.
 
 Prints the error of every parameter over the test split, worst first, beside that of an answer that never looks at the
-picture, and writes two sheets of picture, estimate from its own camera, truth and estimate from aside: NAME-first.png
-with the first shapes of the split, NAME-worst.png with the ten worst by CD.
+picture, and draws both as NAME-errors.png. Writes two sheets of picture, estimate from its own camera, truth and
+estimate from aside: NAME-first.png with the first shapes of the split, NAME-worst.png with the ten worst by CD.
 """
 
 import sys
@@ -11,17 +11,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.error_figure import draw_errors, parameter_errors
 from benchmarks.timing import header, row
 from dipcg.camera import View
 from dipcg.evaluate import Case, split_cases
 from dipcg.images import MARGIN, over_white, prepare, save_image
 from dipcg.mesh import Mesh
 from dipcg.metrics import chamfer, surface_points
-from dipcg.metrics.parameter_error import per_parameter
 from dipcg.pipeline import Candidate, Inverter
 from dipcg.preview import in_rows
 from dipcg.render import Renderer
-from dipcg.space import Choice, ParameterSpace
+from dipcg.space import ParameterSpace
 
 SIDE, SHOWN, WORST, POINTS = 192, 8, 10, 10_000
 ASIDE = View(50.0, 25.0)
@@ -39,7 +39,7 @@ def main(checkpoint: str, data: str, folder: str, count: int = 60) -> None:
         generator = inverter.generator
         found = [_found(inverter, case) for case in split_cases(data, count)]
     print(f"{generator.name}: CD {np.mean([one.distance for one in found]):.3f} over {len(found)} shapes\n")
-    _print_errors(generator.space, found)
+    _tell_errors(generator.space, found, Path(folder) / f"{generator.name}-errors.png")
     renderer = Renderer(SIDE)
     for name, shown in (("first", found[:SHOWN]), ("worst", sorted(found, key=lambda one: -one.distance)[:WORST])):
         path = Path(folder) / f"{generator.name}-{name}.png"
@@ -55,25 +55,15 @@ def _found(inverter: Inverter, case: Case) -> Found:
     return Found(case, candidate, mesh, chamfer.measure(case.sample(POINTS, rng), points))
 
 
-def _print_errors(space: ParameterSpace, found: list[Found]) -> None:
-    """Reals: mean error in x, beside that of the middle of the range. Choices: share wrong, beside the commonest."""
+def _tell_errors(space: ParameterSpace, found: list[Found], path: Path) -> None:
+    """Print the error of every parameter beside that of an answer that never looks, and draw both."""
+    pairs = [(one.case.params, one.candidate.params) for one in found if one.case.params]
+    errors = parameter_errors(space, *zip(*pairs, strict=True))
     header("parameter", "error", "without looking", "active in")
-    errors: dict[str, list[float]] = {name: [] for name in space.names}
-    for one in found:
-        assert one.case.params is not None
-        for name, error in per_parameter(space, one.case.params, one.candidate.params).items():
-            errors[name].append(error)
-    for name in sorted(space.names, key=lambda name: -float(np.mean(errors[name] or [0]))):
-        if errors[name]:
-            row(name, f"{np.mean(errors[name]):.2f}", f"{_blind(space, name, found):.2f}", len(errors[name]))
-
-
-def _blind(space: ParameterSpace, name: str, found: list[Found]) -> float:
-    truths = [one.case.params for one in found if one.case.params and space.is_active(name, one.case.params)]
-    values = [params[name] for params in truths]
-    if isinstance(space[name], Choice):
-        return 1 - max(values.count(value) for value in set(values)) / len(values)
-    return float(np.mean([abs(space[name].encode(value)) for value in values]))
+    for error in errors:
+        row(error.name, f"{error.error:.2f}", f"{error.blind:.2f}", error.cases)
+    draw_errors(space, errors, path)
+    print(f"\nWrote {path}")
 
 
 def _tiles(renderer: Renderer, one: Found) -> list[np.ndarray]:
