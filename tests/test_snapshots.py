@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import shutil
 import time
 from pathlib import Path
@@ -90,6 +91,16 @@ def test_the_log_shows_photos_beside_estimates_once_for_the_same_weights(ball, r
         rows, columns = covered.any(1).sum(), covered.any(0).sum()
         assert covered.sum() / (rows * columns) == pytest.approx(np.pi / 4, abs=0.06)
     assert not np.array_equal(tiles[0], tiles[1])
+
+
+def test_the_work_yields_to_training_and_leaves_its_priority(ball, run):
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    with Log(run, ball / "data") as log:
+        log(STATUS)
+        log._snapshots._running.result()
+        (child,) = log._snapshots._pool._children
+        assert os.getpriority(os.PRIO_PROCESS, child._process.pid) == min(19, before + snapshots.LOW)
+    assert os.getpriority(os.PRIO_PROCESS, 0) == before
 
 
 def test_an_estimate_that_cannot_be_built_is_a_grey_tile(ball, run, spoilt):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import replace
@@ -27,18 +28,21 @@ SHOWN, SIDE = 4, 192
 STEPS = 25  # at most, for the paper's model, whose answer takes 250
 BUILD_S = 10.0  # after which a light build is given up
 LAST_S = 10.0  # that the end of training waits for the last pictures
+LOW = 10  # nice
 TAG = "photo beside estimate"
 
 
 class Snapshots:
     """Shows what the best weights so far make of a few validation shapes, on a board of TensorBoard.
 
-    About two seconds of one processor for chairs. Whatever goes wrong becomes a text on the board.
+    For chairs 1.3 s of one processor, and 4 s more the first time, at a low priority. Whatever goes wrong becomes a
+    text on the board.
     """
 
     def __init__(self, checkpoint: Path, data: str | Path, board: Any) -> None:
         self._checkpoint, self._data, self._board = checkpoint, data, board
-        self._thread = ThreadPoolExecutor(1, "snapshots")
+        # On Linux the priority is the thread's own, and that of the worker which it starts.
+        self._thread = ThreadPoolExecutor(1, "snapshots", os.nice, (LOW,))
         self._running: Future[None] | None = None
         self._pool: BuildPool | None = None
         self._photos: list[UInt8[np.ndarray, "s s 4"]] = []
