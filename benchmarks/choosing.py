@@ -20,7 +20,7 @@ from dipcg.rank import rank
 from dipcg.refine import Search
 
 COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "16"))
-AFTER = (16, 32, 64, 96)  # builds of the search
+AFTER = (12, 24, 48)
 
 
 @dataclass

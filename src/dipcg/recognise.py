@@ -1,4 +1,8 @@
-"""Which generator makes what a picture shows: each estimator tries, and the one that matches best is the likeliest."""
+"""Which generator makes what a picture shows: at first sight, or by letting each estimator try.
+
+Between the generators that ship a classifier decides (`kinds.py`). Where others are asked too, each estimates, and the
+one whose best candidate matches best is the likeliest.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ import numpy as np
 
 from dipcg.generators import load_generator
 from dipcg.images import Source, load_image
+from dipcg.kinds import ENCODER, load_kinds
 from dipcg.pipeline import Inverter
 from dipcg.rank import rank
 from dipcg.weights import CheckpointError, shipped
@@ -28,8 +33,20 @@ def recognise(
     picture = load_image(image)
     with ExitStack() as stack:
         asked = inverters or {name: stack.enter_context(Inverter.load(name)) for name in recognisable()}
+        if found := _at_first_sight(asked, picture):
+            return found
         agreements = {name: _agreement(inverter, picture, candidates) for name, inverter in asked.items()}
     return chances(agreements)
+
+
+def _at_first_sight(asked: Mapping[str, Inverter], image: Source) -> list[tuple[str, float]] | None:
+    """None where a generator is asked for that the classifier does not know, or its encoder is not there."""
+    kinds = load_kinds(asked[ENCODER]) if ENCODER in asked else None
+    if kinds is None or not asked.keys() <= set(kinds.names):
+        return None
+    found = [(name, chance) for name, chance in kinds.chances(asked[ENCODER], image) if name in asked]
+    total = sum(chance for _, chance in found)
+    return [(name, chance / total) for name, chance in found]
 
 
 def recognisable() -> list[str]:

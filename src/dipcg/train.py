@@ -151,7 +151,8 @@ class Run:
         found = validate(self.averaged, Batch(*(part.to(self.device) for part in checks)))
         if found.loss <= self.best:
             self.best = found.loss
-            about = {"train": asdict(self.config), "pictures": self.pictures, "seconds": round(self.elapsed_s)}
+            config = replace(self.config, start=Path(self.config.start).name)  # a card names no folder of one machine
+            about = {"train": asdict(config), "pictures": self.pictures, "seconds": round(self.elapsed_s)}
             save_checkpoint(self.out, self.averaged, self.generator, self.about | about | {"validation": asdict(found)})
         self._save_state()
         return found

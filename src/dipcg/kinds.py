@@ -1,0 +1,107 @@
+"""Telling kinds of objects apart at first sight: a linear classifier on the summary that a shipped encoder makes.
+
+One glance takes milliseconds, where letting every estimator try takes a minute. It belongs to the very encoder that it
+was fitted on, and says nothing with any other.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Float, Int64
+from safetensors import safe_open
+from safetensors.torch import save_file
+from torch import Tensor, nn
+
+from dipcg.dataset import Pictures, encoder_input, load_shapes
+from dipcg.images import Source, over_white, prepare
+from dipcg.pipeline import Inverter
+from dipcg.weights import SHIPPED
+
+FILE = SHIPPED / "kinds.safetensors"
+ENCODER = "chair"  # the checkpoint whose encoder is used: it has seen the most pictures
+BATCH, STEPS = 64, 400
+
+
+@dataclass(frozen=True)
+class Kinds:
+    """Weights of the classifier, the names it tells apart, and the fingerprint of its encoder."""
+
+    names: tuple[str, ...]
+    encoder: str
+    weight: Float[Tensor, "k w"]
+    bias: Float[Tensor, " k"]
+
+    def chances(self, inverter: Inverter, image: Source) -> list[tuple[str, float]]:
+        """The names with the chance that the picture shows each, the likeliest first."""
+        pixels = over_white(prepare(image, inverter.image_size)[0])
+        with torch.inference_mode():
+            summary = inverter.model.encoder(torch.from_numpy(pixels).permute(2, 0, 1)[None].float() / 255).summary
+            shares = F.linear(summary, self.weight, self.bias).softmax(1)[0].tolist()
+        return sorted(zip(self.names, shares, strict=True), key=lambda pair: -pair[1])
+
+    def save(self, path: Path) -> None:
+        """Write a file of weights with the rest as its metadata."""
+        about = {"names": json.dumps(self.names), "encoder": self.encoder}
+        save_file({"weight": self.weight.contiguous(), "bias": self.bias.contiguous()}, path, about)
+
+
+def load_kinds(inverter: Inverter, path: Path = FILE) -> Kinds | None:
+    """The classifier that ships, if it was fitted on this estimator's encoder."""
+    if not path.is_file():
+        return None
+    with safe_open(path, "pt") as file:
+        about = file.metadata()
+        found = Kinds(
+            tuple(json.loads(about["names"])), about["encoder"], file.get_tensor("weight"), file.get_tensor("bias")
+        )
+    return found if found.encoder == fingerprint(inverter) else None
+
+
+def fingerprint(inverter: Inverter) -> str:
+    """A hash of an encoder's weights as checkpoints store them, in half precision."""
+    found = hashlib.sha256()
+    for value in inverter.model.encoder.state_dict().values():
+        found.update((value.half() if value.is_floating_point() else value).contiguous().numpy().tobytes())
+    return found.hexdigest()[:16]
+
+
+def fit(inverter: Inverter, folders: Sequence[str | Path], pictures: int = 1500, split: str = "train") -> Kinds:
+    """Fit a classifier on so many augmented pictures of each data set, by cross-entropy.
+
+    Raises ValueError for fewer than two data sets or an unusable one.
+    """
+    if len(folders) < 2:
+        raise ValueError(f"To tell kinds apart takes data sets of two generators or more, got {len(folders)}.")
+    seen = [summaries(inverter, folder, pictures, split) for folder in folders]
+    names = tuple(name for name, _ in seen)
+    summary, kind = torch.cat([found for _, found in seen]), torch.arange(len(seen)).repeat_interleave(pictures)
+    layer = _fitted(summary, kind, len(names))
+    return Kinds(names, fingerprint(inverter), layer.weight.detach(), layer.bias.detach())
+
+
+@torch.inference_mode()
+def summaries(inverter: Inverter, folder: str | Path, count: int, split: str) -> tuple[str, Float[Tensor, "n w"]]:
+    """A data set's generator, and what the encoder makes of pictures of its shapes."""
+    generator, shapes = load_shapes(folder, split)
+    batches = iter(Pictures(generator, shapes, inverter.image_size, BATCH, seed=7))
+    found = [inverter.model.encoder(encoder_input(next(batches).images)).summary for _ in range(-(-count // BATCH))]
+    return generator.name, torch.cat(found)[:count].clone()
+
+
+def _fitted(summary: Float[Tensor, "n w"], kind: Int64[Tensor, " n"], kinds: int) -> nn.Linear:
+    layer = nn.Linear(summary.shape[1], kinds)
+    optimiser = torch.optim.AdamW(layer.parameters(), 1e-2, weight_decay=0.1)
+    for _ in range(STEPS):
+        chosen = torch.randint(len(summary), (512,))
+        loss = F.cross_entropy(layer(summary[chosen]), kind[chosen], label_smoothing=0.02)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+    return layer

@@ -1,0 +1,75 @@
+"""Telling kinds of objects apart at first sight."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from boxes import untrained
+
+from dipcg.checkpoint import load_checkpoint
+from dipcg.kinds import ENCODER, fingerprint, fit, load_kinds, summaries
+from dipcg.pipeline import Inverter
+from dipcg.recognise import recognise
+from dipcg.store import build_dataset
+from dipcg.weights import find_checkpoint, shipped
+
+EXAMPLES = Path(__file__).parents[1] / "examples" / "images"
+RING = """
+import trimesh
+from dipcg.space import ParameterSpace, Real
+
+space = ParameterSpace(Real("width", 0.1, 0.3, doc="of the ring"))
+
+
+def build(params):
+    return trimesh.creation.torus(1.0, params["width"], 24, 12)
+"""
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("sets")
+    (folder / "ring.py").write_text(RING)
+    build_dataset(str(folder / "ring.py"), folder / "ring", 60)
+    build_dataset("box", folder / "box", 60)
+    return [folder / "ring", folder / "box"]
+
+
+def test_rings_and_boxes_are_told_apart_on_unseen_pictures(folders, tmp_path):
+    torch.manual_seed(0)
+    with untrained("box") as inverter:
+        kinds = fit(inverter, folders, 256)
+        assert kinds.names == ("ring", "box")
+        for number, folder in enumerate(folders):
+            _, seen = summaries(inverter, folder, 64, "test")
+            found = (seen @ kinds.weight.T + kinds.bias).argmax(1)
+            assert (found == number).float().mean() > 0.85
+        kinds.save(tmp_path / "kinds.safetensors")
+        again = load_kinds(inverter, tmp_path / "kinds.safetensors")
+        torch.testing.assert_close(again.weight, kinds.weight)
+        inverter.model.encoder.pool[2].bias.data += 1
+        assert load_kinds(inverter, tmp_path / "kinds.safetensors") is None, "it says nothing with another encoder"
+        assert load_kinds(inverter, tmp_path / "missing.safetensors") is None
+
+
+def test_one_kind_cannot_be_told_apart(folders):
+    with untrained("box") as inverter, pytest.raises(ValueError, match="two generators or more, got 1"):
+        fit(inverter, folders[:1])
+
+
+def test_the_classifier_that_ships_belongs_to_the_encoder_that_ships_and_knows_all_that_ship():
+    model, generator, _ = load_checkpoint(find_checkpoint(ENCODER))
+    kinds = load_kinds(Inverter(model, generator))
+    assert kinds is not None
+    assert set(kinds.names) == set(shipped())
+    assert kinds.encoder == fingerprint(Inverter(model, generator))
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_each_example_is_recognised_without_a_build(name, monkeypatch):
+    monkeypatch.setattr("dipcg.recognise.rank", None)
+    inverters = {other: Inverter(*load_checkpoint(find_checkpoint(other))[:2]) for other in {ENCODER, "vase", name}}
+    found = recognise(EXAMPLES / f"{name}.png", inverters)
+    assert found[0][0] == name
+    assert np.isclose(sum(chance for _, chance in found), 1)
