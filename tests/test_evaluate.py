@@ -1,5 +1,6 @@
 """What the tables set beside an estimate, on boxes and balls: blind answers, nearest shapes, rows and their order."""
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -151,6 +152,15 @@ def test_a_middle_that_cannot_be_built_is_the_worst_in_every_row(tmp_path, shape
         table = evaluate(balls, [case_of(shapes[0]), case_of(shapes[1])], 2, 1, metrics=["chamfer"])
     assert table.failures["mean of the prior"] == 2
     assert table.values["mean of the prior"]["chamfer"] == [chamfer.worst] * 2
+
+
+def test_what_has_no_choices_has_no_row_of_nothing(tmp_path):
+    (tmp_path / "ball.py").write_text(PICKY)
+    build_dataset(str(tmp_path / "ball.py"), tmp_path / "data", COUNT)
+    with untrained(str(tmp_path / "ball.py")) as balls:
+        table = evaluate(balls, split_cases(tmp_path / "data", 1), 2, 1, metrics=["choice_accuracy", "parameter_error"])
+    assert set(table.values["estimate"]) == {"parameter_error"}
+    json.dumps(table.to_dict(), allow_nan=False)
 
 
 def test_a_folder_without_pairs_is_refused_before_anything_is_built(tmp_path):

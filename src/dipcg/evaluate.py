@@ -186,7 +186,8 @@ def _compare(
     if case.params is not None and params is not None:
         for metric in metrics:
             if metric.compares == "params":
-                values[metric.name] = metric.measure(inverter.generator.space, case.params, params)
+                found = metric.measure(inverter.generator.space, case.params, params)
+                values |= {} if np.isnan(found) else {metric.name: found}  # a flower has no choices to be right in
     return values
 
 
