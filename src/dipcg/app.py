@@ -41,8 +41,8 @@ def build_page(studio: Studio, folder: Path) -> gr.Blocks:
     downloads = folder / "downloads"
     downloads.mkdir(parents=True, exist_ok=True)
     with gr.Blocks(title="dipcg", analytics_enabled=False, delete_cache=(600, 3600), fill_width=True) as page:
+        add_api(studio, downloads)  # first, since Gradio gives a name to the first that asks, private or not
         Page(studio, downloads)
-        add_api(studio, downloads)
     return page.queue(max_size=WAITING, default_concurrency_limit=BUILDS)
 
 
