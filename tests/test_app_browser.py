@@ -7,12 +7,14 @@ import shutil
 import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
 import trimesh
 from boxes import BOX
 from playwright.sync_api import Page, expect, sync_playwright
 
 from dipcg.export import Asset
+from dipcg.images import load_image, save_image
 from dipcg.space import Params, params_from_json
 
 SHOTS = Path(__file__).parents[1] / "out" / "screenshots"
@@ -184,6 +186,27 @@ def test_problems_are_told_in_sentences_and_a_drawing_is_a_picture_too(visit, tm
     page.get_by_role("button", name="Correct the cut-out").click()
     page.get_by_label("own mask").check()
     expect(page.get_by_text("Add a mask.")).to_be_visible()
+
+
+def test_a_crop_is_made_by_keyboard_seen_and_taken_away_by_the_next_picture(visit, picture, tmp_path):
+    page, two = visit(), tmp_path / "two.png"
+    image = load_image(picture)
+    save_image(np.hstack([image, image]), two)
+    upload(page, two)
+    page.get_by_role("button", name="Correct the cut-out").click()
+    seen_whole = page.locator("#cut-out img").get_attribute("src")
+    right = page.get_by_role("slider", name="Crop right")
+    right.focus()
+    for _ in range(50):
+        page.keyboard.press("ArrowRight")
+    expect(right).to_have_value("50")
+    expect(page.locator("#cut-out img")).not_to_have_attribute("src", seen_whole or "")
+    before = page.locator("#candidates .photo img").get_attribute("src")
+    page.get_by_role("button", name="Estimate from this cut-out").click()
+    expect(page.locator("#candidates .photo img")).not_to_have_attribute("src", before or "")
+    page.get_by_label("Remove Image").first.click()
+    upload(page, picture)
+    expect(right).to_have_value("0")
 
 
 def test_a_phone_sees_everything_without_scrolling_sideways(visit, picture):

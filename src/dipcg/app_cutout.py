@@ -13,15 +13,20 @@ from dipcg.images import ImageError, Source, crop_to_object, cut_by_colour, cut_
 How = Literal["automatic", "by colour", "own mask", "nothing"]
 HOWS: tuple[str, ...] = get_args(How)
 SIDE = 320  # of the picture that is shown
+MOST_CROPPED = 0.95  # of a side
 
 
 @dataclass(frozen=True)
 class Correction:
-    """How to cut: `difference` from the background's colour in CIELAB, or a `mask`, light where the object is."""
+    """How to cut: `difference` from the background's colour in CIELAB, or a `mask`, light where the object is.
+
+    `crop` is what is cut away first at the left, right, top and bottom, as shares of the picture's sides.
+    """
 
     how: How = "automatic"
     difference: float = 14.0
     mask: Source | None = None
+    crop: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
 
 def corrected(source: Source, correction: Correction) -> UInt8[np.ndarray, "H W 4"]:
@@ -30,13 +35,28 @@ def corrected(source: Source, correction: Correction) -> UInt8[np.ndarray, "H W 
     Raises images.ImageError with a sentence.
     """
     image = load_image(source)
+    if correction.how == "own mask":  # which lies on all of the picture
+        return cropped(_masked(image, correction.mask), correction.crop)
+    image = cropped(image, correction.crop)
     if correction.how == "by colour":
         return cut_by_colour(image, correction.difference)
-    if correction.how == "own mask":
-        return _masked(image, correction.mask)
     if correction.how == "nothing":
         return _marked_as_cut(image)
     return image
+
+
+def cropped(image: UInt8[np.ndarray, "h w 4"], crop: tuple[float, float, float, float]) -> UInt8[np.ndarray, "H W 4"]:
+    """The picture without shares of it at the left, right, top and bottom; raises images.ImageError with a sentence."""
+    left, right, top, bottom = crop
+    if min(crop) < 0 or left + right > MOST_CROPPED or top + bottom > MOST_CROPPED:
+        taken = ", ".join(f"{100 * share:.0f} %" for share in crop)
+        raise ImageError(
+            f"The crop leaves too little: left and right, and top and bottom, may take {100 * MOST_CROPPED:.0f} % "
+            f"together, got {taken} at the left, right, top and bottom."
+        )
+    height, width = image.shape[:2]
+    across = slice(round(left * width), width - round(right * width))
+    return image[round(top * height) : height - round(bottom * height), across]
 
 
 def shown(image: UInt8[np.ndarray, "h w 4"]) -> tuple[UInt8[np.ndarray, "s s 4"], str]:

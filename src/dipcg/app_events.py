@@ -34,15 +34,18 @@ class Events:
     def __init__(self, studio: Studio, downloads: Path, examples: list[Path]) -> None:
         self.studio, self.downloads, self.examples = studio, downloads, examples
 
-    def look(self, picture: str | None, how: str, difference: float | int, mask: str | None) -> Shown:
+    def look(
+        self, picture: str | None, how: str, difference: float | int, mask: str | None, *crop: float | int
+    ) -> Shown:
         """The picture as the model will see it, how it was cut out, and which corrections can be made."""
         if picture is None:
             nothing = gr.update(visible=False)
             return nothing, "", nothing, gr.skip(), gr.skip()
         asks_mask = how == "own mask" and mask is None
-        seen, words = (None, "Add a mask.") if asks_mask else shown(_cut(picture, how, difference, mask))
+        seen, words = (None, "Add a mask.") if asks_mask else shown(_cut(picture, how, difference, mask, *crop))
+        told = words if asks_mask else f"What the model sees. {words}"
         return (
-            gr.update(value=seen, visible=True), words, gr.update(visible=True),
+            gr.update(value=seen, visible=True), told, gr.update(visible=True),
             gr.update(visible=how == "by colour"), gr.update(visible=how == "own mask"),
         )  # fmt: skip
 
@@ -153,8 +156,9 @@ class Events:
         return self.studio.find(work.generator).generator.space
 
 
-def _cut(picture: str, how: str, difference: float | int, mask: str | None) -> np.ndarray:
-    return corrected(picture, Correction(how, float(difference), mask))  # type: ignore[arg-type]
+def _cut(picture: str, how: str, difference: float | int, mask: str | None, *crop: float | int) -> np.ndarray:
+    left, right, top, bottom = (share / 100 for share in crop)
+    return corrected(picture, Correction(how, float(difference), mask, (left, right, top, bottom)))  # type: ignore[arg-type]
 
 
 def _seed() -> int:

@@ -64,9 +64,14 @@ class Page:
         self.generator = gr.Dropdown(
             names if many else names[1:], label="It shows a", visible=many, elem_id="generator"
         )
-        self.cut_out = gr.Image(label="What the model sees", height=170, interactive=False, buttons=[], visible=False)
+        self.cut_out = gr.Image(
+            label="What the model sees", height=170, interactive=False, buttons=[], visible=False,
+            elem_id="cut-out",
+        )  # fmt: skip
         self.how_cut = gr.Markdown(elem_id="how-cut")
         with gr.Accordion("Correct the cut-out", open=False, visible=False) as self.correcting:
+            with gr.Row(elem_id="crop"):
+                self.crop = [gr.Slider(0, 90, 0, step=1, label=f"Crop {side}, %", min_width=120) for side in SIDES]
             self.how = gr.Radio(list(HOWS), value="automatic", label="Cut out")
             self.difference = gr.Slider(2, 60, 14, step=1, label="Colour difference from the background", visible=False)
             with gr.Group(visible=False) as self.masking:
@@ -102,7 +107,8 @@ class Page:
         return {"candidates": tiles, "chosen": -1} if tiles else None
 
     def _connect(self, does: Events) -> None:
-        asked, looks = [self.desk, self.turn], [self.picture, self.how, self.difference, self.mask]
+        asked, corrections = [self.desk, self.turn], [self.how, self.difference, self.mask, *self.crop]
+        looks = [self.picture, *corrections]
         looked = [self.cut_out, self.how_cut, self.correcting, self.difference, self.masking]
         found = [self.desk, self.strip, *self._asset()[1:]]
         estimating: dict[str, Any] = {
@@ -111,9 +117,11 @@ class Page:
             "trigger_mode": "multiple", "js": NEXT_TURN,
         }  # fmt: skip
         again: dict[str, Any] = estimating | {"inputs": asked}
-        looking = {"api_visibility": "private", "show_progress_on": [self.strip]}
-        self.picture.change(telling(does.look), looks, looked, **looking).success(telling(does.estimate), **estimating)
-        for control in (self.how, self.difference, self.mask):
+        looking: dict[str, Any] = QUIET | {"trigger_mode": "multiple"}
+        self.picture.change(None, None, self.crop, js="() => [0, 0, 0, 0]", **looking).then(
+            telling(does.look), looks, looked, **looking
+        ).success(telling(does.estimate), **estimating)
+        for control in corrections:
             control.change(telling(does.look), looks, looked, **QUIET)
         self.use_cut.click(telling(does.estimate), **estimating)
         self.generator.input(telling(does.estimate), **estimating)
@@ -141,6 +149,7 @@ class Page:
         return [self.desk, self.viewer, self.panel, self.command]
 
 
+SIDES = ("left", "right", "top", "bottom")
 QUIET: dict[str, Any] = {"api_visibility": "private", "show_progress": "hidden"}
 SHEET = (
     '<canvas width="512" height="512" aria-label="Sheet to draw on"></canvas>'
