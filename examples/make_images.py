@@ -1,16 +1,22 @@
-"""Make the example pictures: chairs of chosen parameters in Blender's Cycles on a white floor, and one as a drawing.
+"""Make the example pictures with Blender's Cycles: chairs of chosen parameters on a white floor, one as a drawing too,
+and a random asset of each other generator in Infinigen's materials.
 
-Run with `python examples/make_images.py`; needs the chair generator (`pip install 'dipcg[infinigen]'`).
+Run with `python examples/make_images.py`, or with names of generators for theirs alone; needs `pip install
+'dipcg[infinigen]'`.
 """
 
+import sys
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
+from dipcg.blender import Blender
 from dipcg.camera import View, camera_position
 from dipcg.generators import load_generator
-from dipcg.images import edges, load_image, save_image
+from dipcg.images import MARGIN, edges, load_image, over_white, save_image
 from dipcg.mesh import Mesh
+from dipcg.worker import BuildPool
 
 FOLDER = Path(__file__).parent / "images"
 CHAIRS = {
@@ -28,9 +34,36 @@ CHAIRS = {
 }  # fmt: skip
 MATERIALS = {"seat": (0.42, 0.12, 0.06), "leg": (0.32, 0.17, 0.08), "back": (0.36, 0.2, 0.1), "arm": (0.32, 0.17, 0.08),
              "bar": (0.32, 0.17, 0.08)}  # fmt: skip
+# The seed of the parameters and of the materials, and a camera.
+OTHERS = {
+    "table": (6, View(25, 18, 3.0)), "vase": (7, View(0, 14, 3.0)), "basket": (14, View(35, 28, 3.0)),
+    "flower": (3, View(20, 35, 3.0)), "dandelion": (3, View(10, 6, 3.5)),
+}  # fmt: skip
+SIDE, SAMPLES, COLOURS = 320, 16, 192
+PATIENCE_S = 3600.0  # on a busy machine
 
 
-def main() -> None:
+def main(names: list[str]) -> None:
+    if not names or "chair" in names:
+        chairs()
+    with Blender() as blender:
+        for name, (seed, view) in OTHERS.items():
+            if not names or name in names:
+                photograph_in_materials(blender, name, seed, view)
+
+
+def photograph_in_materials(blender: Blender, name: str, seed: int, view: View) -> None:
+    """A random asset; in light detail, whose triangles cannot be told apart at this size."""
+    with BuildPool(name, timeout_s=PATIENCE_S) as pool:
+        generator = pool.generator
+        mesh = pool.build(generator.space.sample(np.random.default_rng(seed)), "light")
+    asked = (mesh, generator.ref, seed, view, SIDE, SAMPLES, MARGIN)
+    image = blender.call("_studio:photograph", *asked, timeout_s=PATIENCE_S)
+    drawn = Image.fromarray(over_white(image)).quantize(COLOURS)  # half the bytes
+    drawn.save(FOLDER / f"{name}.png", optimize=True)
+
+
+def chairs() -> None:
     generator = load_generator("chair")
     FOLDER.mkdir(exist_ok=True)
     for number, (name, (view, settings)) in enumerate(CHAIRS.items()):
@@ -93,4 +126,4 @@ def _add_camera(view: View, mesh: Mesh) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -35,7 +35,7 @@ class Page:
     """The components, in the context of a `gr.Blocks`, and which of `Events` answers each of their events."""
 
     def __init__(self, studio: Studio, downloads: Path) -> None:
-        self.names, self.examples = studio.names, example_images()
+        self.names, self.examples = studio.names, example_images(studio.names)
         self.desk = gr.State(Desk(), time_to_live=FORGET_S)
         self.turn = gr.Number(0, visible=False)  # counted by the page, see NEXT_TURN
         gr.Markdown(ABOUT, elem_id="about")
@@ -149,6 +149,7 @@ class Page:
         return [self.desk, self.viewer, self.panel, self.command]
 
 
+ALSO_CHAIRS = {"armchair": "chair", "sketch": "chair"}  # the other pictures are named after their generators
 SIDES = ("left", "right", "top", "bottom")
 QUIET: dict[str, Any] = {"api_visibility": "private", "show_progress": "hidden"}
 SHEET = (
@@ -160,9 +161,10 @@ NEXT_TURN = "(desk, turn, ...given) => [desk, (window.dipcgTurn = (window.dipcgT
 SAVE = "() => setTimeout(() => document.querySelector('#file a[download]')?.click(), 300)"
 
 
-def example_images() -> list[Path]:
-    """The pictures that ship: beside the package when installed, in examples/ of a checkout."""
-    return next((found for folder in EXAMPLES if (found := sorted(folder.glob("*.png")))), [])
+def example_images(names: list[str]) -> list[Path]:
+    """The pictures that ship of these generators: beside the package when installed, in examples/ of a checkout."""
+    found = next((found for folder in EXAMPLES if (found := sorted(folder.glob("*.png")))), [])
+    return [path for path in found if ALSO_CHAIRS.get(path.stem, path.stem) in names]
 
 
 def _scripted(script: str, name: str, empty: str) -> gr.HTML:
