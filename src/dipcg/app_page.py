@@ -53,7 +53,7 @@ class Page:
             with gr.Tab("Picture"):
                 self.picture = uploaded(
                     label="Photo, drawing or mask", sources=["upload", "clipboard", "webcam"], height=260,
-                    elem_id="picture",
+                    show_label=False, elem_id="picture",
                 )  # fmt: skip
             with gr.Tab("Draw"):
                 self.sketch = _scripted("sketch", "sketch", "Draw the outline and the main edges.")
@@ -65,7 +65,7 @@ class Page:
             names if many else names[1:], label="It shows a", visible=many, elem_id="generator"
         )
         self.cut_out = gr.Image(
-            label="What the model sees", height=170, interactive=False, buttons=[], visible=False,
+            label="What the model sees", show_label=False, height=170, interactive=False, buttons=[], visible=False,
             elem_id="cut-out",
         )  # fmt: skip
         self.how_cut = gr.Markdown(elem_id="how-cut")
@@ -76,7 +76,7 @@ class Page:
             self.difference = gr.Slider(2, 60, 14, step=1, label="Colour difference from the background", visible=False)
             with gr.Group(visible=False) as self.masking:
                 self.mask = uploaded(label="Mask, light where the object is", height=160)
-            self.use_cut = gr.Button("Estimate from this cut-out")
+            self.use_cut = gr.Button("Estimate from this cut-out", size="sm")
 
     def _asset_side(self) -> None:
         self.strip = _scripted("strip", "candidates", EMPTY["strip"])
@@ -93,10 +93,10 @@ class Page:
 
     def _parameter_side(self) -> None:
         with gr.Row(elem_id="edits"):
-            self.undo = gr.Button("Undo", size="sm", min_width=70)
-            self.reset = gr.Button("Reset", size="sm", min_width=70)
-            self.random = gr.Button("Random", size="sm", min_width=70)
-            self.again = gr.Button("Estimate the rest again", size="sm", min_width=160)
+            self.undo = gr.Button("Undo", size="sm", min_width=60)
+            self.reset = gr.Button("Reset", size="sm", min_width=60)
+            self.random = gr.Button("Random", size="sm", min_width=60)
+            self.again = gr.Button("Estimate the rest again", size="sm", min_width=150)
         self.panel = _scripted("parameters", "parameters", EMPTY["parameters"])
 
     def _offered(self) -> dict[str, Any] | None:
