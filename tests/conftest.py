@@ -54,11 +54,9 @@ def textured(asset) -> Asset:
 @pytest.fixture(scope="session")
 def studio(tmp_path_factory):
     """What visitors of the app share, over the toy: one for all tests, since starting takes seconds."""
-    from serving import box_checkpoint
+    from serving import Quick, box_checkpoint
 
-    from dipcg.app_studio import Studio
-
-    with Studio([box_checkpoint(tmp_path_factory.mktemp("checkpoint"))], workers=1) as studio:
+    with Quick([box_checkpoint(tmp_path_factory.mktemp("checkpoint"))], workers=1) as studio:
         yield studio
 
 

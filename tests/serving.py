@@ -3,6 +3,7 @@
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import torch
 from boxes import TRUTH, VIEW, untrained
@@ -11,8 +12,17 @@ from dipcg.app import build_page, launch
 from dipcg.app_studio import Studio
 from dipcg.app_work import Found, Work
 from dipcg.checkpoint import save_checkpoint
+from dipcg.images import Source
+from dipcg.pipeline import Estimate
 
 OPEN = Work("box", (Found(TRUTH, VIEW),), 0, TRUTH)
+
+
+class Quick(Studio):
+    """A studio that finds half as many candidates where nobody says how many, since ranking takes the time."""
+
+    def estimate(self, picture: Source, name: str, *given: Any, **settings: Any) -> Estimate:
+        return super().estimate(picture, name, *given, **({} if len(given) > 1 else {"candidates": 4}) | settings)
 
 
 def box_checkpoint(folder: Path) -> str:

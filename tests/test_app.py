@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 import trimesh
 from boxes import BOX, TRUTH, VIEW
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 from serving import OPEN
 
 from dipcg import app_actions, app_work, registry
-from dipcg.app_cutout import Correction, corrected, shown
 from dipcg.app_parameters import rows
 from dipcg.app_viewer import scene
 from dipcg.app_work import Work
@@ -59,6 +58,7 @@ def test_what_the_picture_leaves_open_is_marked_and_what_is_held_is_not():
 EDITS = st.lists(st.integers(0, 2**32 - 1).map(np.random.default_rng).map(BOX.sample), min_size=1, max_size=5)
 
 
+@settings(max_examples=30)
 @given(EDITS, st.data())
 def test_undoing_every_edit_leads_back_to_what_was_opened(samples, data):
     work = OPEN
@@ -107,9 +107,9 @@ def test_the_command_line_makes_the_same_file_again(studio, downloads, tmp_path)
 
 def test_an_estimate_is_the_pipelines_own(studio, picture):
     told = []
-    found = studio.estimate(picture, "box", candidates=6, report=lambda share, words: told.append(share))
-    expected = studio.inverters["box"].estimate(picture, candidates=6)
-    assert 1 < len(found.candidates) <= 6
+    found = studio.estimate(picture, "box", candidates=3, report=lambda share, words: told.append(share))
+    expected = studio.inverters["box"].estimate(picture, candidates=3)
+    assert 1 < len(found.candidates) <= 3
     assert all(c.params in [e.params for e in expected.candidates] for c in found.candidates)
     assert all(c.mesh is not None for c in found.candidates)
     assert told == sorted(told)
@@ -126,8 +126,8 @@ def test_a_killed_worker_costs_no_candidate(studio, picture):
             for child in list(studio.inverters["box"].pool._children):
                 child._process.kill()
 
-    undisturbed = studio.estimate(picture, "box", candidates=4)
-    found = studio.estimate(picture, "box", candidates=4, report=kill)
+    undisturbed = studio.estimate(picture, "box", candidates=2)
+    found = studio.estimate(picture, "box", candidates=2, report=kill)
     assert [c.params for c in found.candidates] == [c.params for c in undisturbed.candidates]
     for child in list(studio.inverters["box"].pool._children):
         child._process.kill()
@@ -135,7 +135,7 @@ def test_a_killed_worker_costs_no_candidate(studio, picture):
 
 
 def test_held_values_stay_when_the_rest_is_estimated_again(studio, picture):
-    found = studio.estimate(picture, "box", {"width": 0.35, "top": "pyramid"}, candidates=4, seed=3)
+    found = studio.estimate(picture, "box", {"width": 0.35, "top": "pyramid"}, candidates=2, seed=3)
     assert {(c.params["width"], c.params["top"]) for c in found.candidates} == {(0.35, "pyramid")}
 
 
@@ -148,32 +148,6 @@ def test_a_scene_holds_the_surface_it_was_made_of(mesh):
         [0, *(p["count"] for p in made["parts"][:-1])]
     ).tolist()
     assert sum(part["count"] for part in made["parts"]) == faces.size
-
-
-# The cut-out
-
-
-def test_each_way_of_cutting_leaves_what_it_says():
-    image = np.full((64, 64, 4), 255, np.uint8)
-    image[16:48, 16:48, :3] = 120
-    image[24:40, 24:40, :3] = 40
-    mask = np.zeros((64, 64), np.uint8)
-    mask[:32] = 255
-    opaque = {
-        "automatic": 32 * 32,
-        "by colour": 16 * 16,  # what is far from white alone
-        "own mask": 32 * 64,
-        "nothing": 64 * 64,
-    }
-    for how, pixels in opaque.items():
-        cut = corrected(image, Correction(how, 70.0, mask))
-        found = shown(cut)[0][..., 3]
-        share = pixels / max(np.ptp(np.nonzero(_alpha(cut, image)), axis=1) + 1) ** 2
-        assert (found > 128).mean() == pytest.approx(share * (1 - 0.12) ** 2, rel=0.06), how
-
-
-def _alpha(cut: np.ndarray, image: np.ndarray) -> np.ndarray:
-    return cut[..., 3] > 128 if (cut[..., 3] < 128).any() else image[..., 0] < 200
 
 
 # Files

@@ -24,8 +24,8 @@ def client(address):
 
 
 def test_a_program_gets_what_python_gets(client, studio, picture, tmp_path):
-    found = client.predict(handle_file(picture), "box", 4, 0, {"width": 0.4}, api_name="/estimate")
-    expected = studio.estimate(picture, "box", {"width": 0.4}, candidates=4)
+    found = client.predict(handle_file(picture), "box", 2, 0, {"width": 0.4}, api_name="/estimate")
+    expected = studio.estimate(picture, "box", {"width": 0.4}, candidates=2)
     assert [c["params"] for c in found["candidates"]] == [c.params for c in expected.candidates]
     assert found["candidates"][0]["agreement"] == pytest.approx(expected.candidates[0].agreement)
     best = found["candidates"][0]["params"]
