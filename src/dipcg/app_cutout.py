@@ -55,8 +55,8 @@ def cropped(image: UInt8[np.ndarray, "h w 4"], crop: tuple[float, float, float, 
             f"together, got {taken} at the left, right, top and bottom."
         )
     height, width = image.shape[:2]
-    across = slice(round(left * width), width - round(right * width))
-    return image[round(top * height) : height - round(bottom * height), across]
+    down = slice(int(top * height), height - int(bottom * height))  # at least a pixel, as int rounds down
+    return image[down, int(left * width) : width - int(right * width)]
 
 
 def shown(image: UInt8[np.ndarray, "h w 4"]) -> tuple[UInt8[np.ndarray, "s s 4"], str]:
