@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 from dipcg import registry
 from dipcg.captions import FOLDER, caption, load_words, says
+from dipcg.cli import main
 from dipcg.generators import load_generator
+from dipcg.pipeline import Inverter
 from dipcg.space import Choice
+from dipcg.weights import find_words, shipped
 
 DESCRIBED = sorted(path.stem for path in FOLDER.glob("[a-z]*.toml"))
 
@@ -74,3 +78,37 @@ def test_tokens_do_not_depend_on_the_other_sentences_and_are_zero_after_the_end(
     assert (alone[0, length:] == 0).all()
     assert alone[0, :length].abs().sum(1).min() > 1
     assert sentence.embed(["chair " * 500]).shape == (1, sentence.LENGTH, sentence.CHANNELS)
+
+
+# The checkpoints that ship
+
+
+def test_every_generator_that_ships_reads_words_too():
+    assert [find_words(name).name for name in shipped()] == shipped()
+
+
+@pytest.mark.parametrize(
+    ("generator", "one", "other", "parameter"),
+    [
+        ("chair", "a chair with two armrests", "a chair without any armrests", "has_arm"),
+        ("table", "a round dining table", "a rectangular dining table", "ngon"),
+        ("dandelion", "a bald dandelion, all its seeds are gone", "a full fluffy dandelion clock", "flower_mode"),
+    ],
+)
+def test_opposite_sentences_give_opposite_options(generator, one, other, parameter):
+    pytest.importorskip("transformers")
+    with Inverter.load(str(find_words(generator))) as inverter:
+        first, second = (inverter.describe(text, candidates=1).params[parameter] for text in (one, other))
+    assert first != second
+    options = {"has_arm": (True, False), "ngon": (36, 4), "flower_mode": ("no_flower", "full_flower")}
+    assert (first, second) == options[parameter]
+
+
+def test_a_sentence_becomes_an_asset_with_its_picture(tmp_path, capsys):
+    pytest.importorskip("transformers")
+    words = ["--text", "a daisy with broad petals", "-g", "flower", "-o", str(tmp_path / "a.glb")]
+    main(["estimate", *words, "--light", "--preview", str(tmp_path / "a.png")])
+    assert (tmp_path / "a.glb").stat().st_size > 1000
+    width, height = Image.open(tmp_path / "a.png").size
+    assert width == 2 * height, "two sides of it, and no photo"
+    assert "Loading" not in capsys.readouterr().err

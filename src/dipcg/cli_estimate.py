@@ -62,7 +62,7 @@ def estimate(
     if refine is not None and not refine > 0:
         raise ValueError(f"A search (--refine) takes more than 0 seconds, got {refine:g}.")
     if text is not None:
-        return _estimate_text(text, images, generator, written, candidates, steps, seed, parse_settings(keep))
+        return _estimate_text(text, images, generator, written, candidates, steps, seed, parse_settings(keep), preview)
     images, others = (images[:1], images[1:]) if views else (images, ())
     batch, kept = _batch(images, written, preview), parse_settings(keep)
     targets = _targets(images, written, preview) if batch is None else _batch_targets(batch, written)
@@ -150,8 +150,10 @@ def _estimate_text(
     steps: int | None,
     seed: int,
     kept: Mapping[str, str],
+    preview: Path | None,
 ) -> None:
     """Turn a sentence into an asset; raises ValueError when pictures are given too, or no generator is."""
+    from dipcg.export import check_target
     from dipcg.pipeline import Inverter
     from dipcg.weights import find_words
 
@@ -160,9 +162,11 @@ def _estimate_text(
             "With --text give no pictures, and the generator: dipcg estimate --text '…' -g chair -o OUT.glb"
         )
     written.check()
+    if preview is not None:
+        check_target(preview, (".png",))
     with Inverter.load(str(find_words(generator))) as inverter:
         found = inverter.describe(text, candidates, steps, seed, kept)
-        targets = (written.output, written.params_out, None)
+        targets = (written.output, written.params_out, preview)
         _write(found, targets, written)
         _tell(Path(text), found, {}, targets, written.json)
 

