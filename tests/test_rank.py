@@ -1,9 +1,12 @@
 """Choosing among candidates by their renders, on boxes: the truth wins, cameras are found, failures go last."""
 
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
+import torch
 from boxes import BOX, TRUTH, VIEW, among, picture, untrained, with_changes
 
 from dipcg.camera import View
@@ -192,6 +195,19 @@ def test_chances_of_a_choice_sum_to_one_and_favour_what_is_expected(inverter, im
         assert tuple(shares) == BOX[name].options
         assert sum(shares.values()) == pytest.approx(1, abs=1e-5)
         assert max(shares, key=shares.get) == found.params[name]
+
+
+def test_samples_are_widened_about_what_is_expected_and_nothing_else_moves(image):
+    with untrained("box") as inverter:
+        torch.nn.init.normal_(inverter.model.denoiser.read, std=0.03)  # zero at first: every sample would be the guess
+        estimate = partial(inverter.estimate, image, candidates=12, steps=3, keep={"width": 0.5, "has_legs": True})
+        narrow = estimate()
+        inverter.model.config = replace(inverter.model.config, widen=1.5)
+        wide = estimate()
+    assert (wide.params, wide.chances) == (narrow.params, narrow.chances)
+    assert wide.spread["depth"] == pytest.approx(1.5 * narrow.spread["depth"], rel=0.1)
+    assert wide.spread["leg_height"] > 1.2 * narrow.spread["leg_height"] > 0
+    assert wide.spread["width"] == narrow.spread["width"] == 0
 
 
 # Which generator

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import numpy as np
+from jaxtyping import Bool, Float
+
 from dipcg.space import ParameterSpace, Params, Value
 
 Options = tuple[Value, ...]
@@ -62,3 +65,12 @@ def _narrowed(name: str, choice: str, allowed: Options, before: tuple[str, Optio
 
 def _listed(options: Options) -> str:
     return " or ".join(map(str, options))
+
+
+def encoded(space: ParameterSpace, kept: Params, more: int) -> tuple[Float[np.ndarray, " d"], Bool[np.ndarray, " d"]]:
+    """What is held as x with `more` open entries at its end, and which entries are held; the others are 0."""
+    known, given = np.zeros(len(space) + more), np.zeros(len(space) + more, dtype=bool)
+    for name, value in kept.items():
+        index, parameter = space.find(name)
+        known[index], given[index] = parameter.encode(value), True
+    return known, given

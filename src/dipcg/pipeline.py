@@ -22,11 +22,11 @@ from dipcg.estimators import AnyEstimator
 from dipcg.export import Asset
 from dipcg.generators import Detail, Generator
 from dipcg.images import Background, Source, over_white, prepare
-from dipcg.locks import check_kept, needed
+from dipcg.locks import check_kept, encoded, needed
 from dipcg.mesh import Mesh
 from dipcg.sampling import sample
 from dipcg.space import Choice, Params, Value
-from dipcg.spread import central_first, spread
+from dipcg.spread import central_first, spread, widened
 from dipcg.weights import find_checkpoint
 from dipcg.worker import BuildPool
 
@@ -229,7 +229,7 @@ class Inverter:
         locks = self._locks(kept)
         mean = self._expected(condition, noise[:EXPECTED_OVER], locks)
         expected = self._candidate(self._modes(mean, locks)[0], kept)
-        drawn = [self._candidate(x, kept) for x in self._drawn(condition, noise[EXPECTED_OVER:], steps, locks)]
+        drawn = [self._candidate(x, kept) for x in self._drawn(condition, noise[EXPECTED_OVER:], steps, locks, mean)]
         differ = spread(self.generator.space, expected.params, [c.params for c in drawn or [expected]])
         found = [expected, *(drawn[i] for i in central_first(self._points(drawn)))]
         return Estimate(found, differ, self._chances(mean, kept), picture, background, self, expected, kept)
@@ -248,10 +248,14 @@ class Inverter:
         chance = self.model.outputs.log_probabilities(first.logits).exp().mean(0, keepdim=True)
         return Prediction(first.mean.mean(0, keepdim=True), chance.log())
 
-    def _drawn(self, condition: Condition, noise: Tensor, steps: int, locks: Locks) -> Float[np.ndarray, "k d"]:
+    def _drawn(
+        self, condition: Condition, noise: Tensor, steps: int, locks: Locks, mean: Prediction
+    ) -> Float[np.ndarray, "k d"]:
         if not len(noise):
             return np.empty((0, noise.shape[1]))
-        return self._modes(self._sample(condition, noise, steps, locks), locks)
+        found = self._modes(self._sample(condition, noise, steps, locks), locks)
+        free = ~(self.model.outputs.is_choice | locks[1]).numpy()
+        return widened(found, self._modes(mean, locks)[0], self.model.config.widen, free)
 
     def _modes(self, prediction: Prediction, locks: Locks) -> Float[np.ndarray, "k d"]:
         return torch.where(locks[1], locks[0], self.model.outputs.modes(prediction)).double().numpy()
@@ -281,12 +285,8 @@ class Inverter:
         return chances | {name: {o: float(o == value) for o in chances[name]} for name, value in held.items()}
 
     def _locks(self, kept: Params) -> Locks:
-        space, size = self.generator.space, len(self.generator.space) + VIEW_NUMBERS
-        known, given = torch.zeros(size), torch.zeros(size, dtype=torch.bool)
-        for name, value in kept.items():
-            index, parameter = space.find(name)
-            known[index], given[index] = parameter.encode(value), True
-        return known, given
+        known, given = encoded(self.generator.space, kept, VIEW_NUMBERS)
+        return torch.from_numpy(known).float(), torch.from_numpy(given)
 
     def _candidate(self, x: Float[np.ndarray, " d"], kept: Params) -> Candidate:
         space = self.generator.space

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from dipcg.space import ParameterSpace, Params, Real
 
@@ -14,6 +14,13 @@ def central_first(points: Float[np.ndarray, "n d"]) -> list[int]:
     """The order by mean distance to all others: one sample may be odd, the most central one seldom is."""
     distance = np.abs(points[:, None] - points[None]).mean(2)
     return np.argsort(distance.sum(1), kind="stable").tolist()
+
+
+def widened(
+    drawn: Float[np.ndarray, "k d"], centre: Float[np.ndarray, " d"], factor: float, where: Bool[np.ndarray, " d"]
+) -> Float[np.ndarray, "k d"]:
+    """Samples in x moved away from their expectation, since a denoiser that is too sure draws them too near to it."""
+    return np.where(where, (centre + factor * (drawn - centre)).clip(-1, 1), drawn)
 
 
 def spread(space: ParameterSpace, first: Params, drawn: Sequence[Params]) -> dict[str, float]:
