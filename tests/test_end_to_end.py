@@ -307,7 +307,7 @@ def test_evaluating_compares_the_estimate_with_its_bounds(trained, data, tmp_pat
     blind = ["prior (a random one)", "mean of the prior", "nearest of 54 random"]
     rows = ["noise floor", *blind, "direct guess", "most central sample", "estimate"]
     assert list(found) == rows
-    lines = [line.split("|")[1].strip() for line in table.splitlines()]
+    lines = [line.split("|")[1].strip() for line in table.splitlines() if line]
     assert lines[2 : 2 + len(rows)] == rows
     assert lines[-len(rows) + 1 :] == rows[:-1]  # against the estimate
     assert all(values["failures"] == 0 for values in found.values())

@@ -162,7 +162,7 @@ class ParameterSpace:
         return self.canonical(self._decode(x))
 
     def _decode(self, x: Float[np.ndarray, " d"]) -> Params:
-        return {p.name: p.decode(value) for p, value in zip(self.parameters, x, strict=True)}
+        return {p.name: p.decode(value) for p, value in zip(self.parameters, x.tolist(), strict=True)}
 
     def is_active(self, name: str, params: Params) -> bool:
         """Whether the parameter can change the mesh: its conditions hold and what they name is active too."""
