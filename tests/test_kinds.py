@@ -39,7 +39,7 @@ def folders(tmp_path_factory) -> list[Path]:
 def test_rings_and_boxes_are_told_apart_on_unseen_pictures(folders, tmp_path):
     torch.manual_seed(0)
     with Inverter(*load_checkpoint(find_checkpoint(ENCODER))[:2]) as inverter:  # which saw neither
-        kinds = fit(inverter, folders, 256)
+        kinds = fit(inverter, folders, 128)
         assert kinds.names == ("ring", "box")
         for number, folder in enumerate(folders):
             _, seen = summaries(inverter, folder, 64, "test")
