@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, UInt8
 
 from dipcg.camera import VIEW_NUMBERS, View, decode_view, encode_view
 from dipcg.estimators import PaperEstimator
-from dipcg.images import MARGIN, over_white
+from dipcg.images import MARGIN
 from dipcg.pipeline import Candidate, Estimate, Inverter
 from dipcg.render import Renderer
 from dipcg.space import Params
@@ -60,5 +60,4 @@ def can_correct(estimate: Estimate) -> bool:
 @torch.inference_mode()
 def read(inverter: Inverter, image: UInt8[np.ndarray, "s s 4"]) -> Float[np.ndarray, " d"]:
     """What the network expects of a prepared picture at first sight, as x with the camera's numbers."""
-    pixels = torch.from_numpy(over_white(image)).permute(2, 0, 1)[None].float() / 255
-    return inverter.model.first_guess(inverter.model.encoder(pixels)).mean[0].double().numpy()
+    return inverter.model.first_guess(inverter.features(image)).mean[0].double().numpy()

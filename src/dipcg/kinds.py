@@ -20,7 +20,7 @@ from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from dipcg.dataset import Pictures, encoder_input, load_shapes
-from dipcg.images import Source, over_white, prepare
+from dipcg.images import Source, prepare
 from dipcg.pipeline import Inverter
 from dipcg.weights import SHIPPED
 
@@ -40,9 +40,8 @@ class Kinds:
 
     def chances(self, inverter: Inverter, image: Source) -> list[tuple[str, float]]:
         """The names with the chance that the picture shows each, the likeliest first."""
-        pixels = over_white(prepare(image, inverter.image_size)[0])
         with torch.inference_mode():
-            summary = inverter.model.encoder(torch.from_numpy(pixels).permute(2, 0, 1)[None].float() / 255).summary
+            summary = inverter.features(prepare(image, inverter.image_size)[0]).summary
             shares = F.linear(summary, self.weight, self.bias).softmax(1)[0].tolist()
         return sorted(zip(self.names, shares, strict=True), key=lambda pair: -pair[1])
 

@@ -131,7 +131,7 @@ class Inverter:
         cannot be held.
         """
         picture, background = self._prepare(image)
-        return self._estimated(self._features(picture), picture, background, candidates, steps, seed, keep)
+        return self._estimated(self.features(picture), picture, background, candidates, steps, seed, keep)
 
     @torch.inference_mode()
     def estimate_views(
@@ -149,7 +149,7 @@ class Inverter:
         if not images:
             raise ValueError("Give at least one picture.")
         prepared = [self._prepare(image) for image in images]
-        features = [self._features(picture) for picture, _ in prepared]
+        features = [self.features(picture) for picture, _ in prepared]
         together = Features(*(torch.cat(parts) for parts in zip(*features, strict=True)))
         return self._estimated(together, *prepared[0], candidates, steps, seed, keep)
 
@@ -177,7 +177,7 @@ class Inverter:
     @torch.inference_mode()
     def guess(self, image: Source) -> Candidate:
         """The direct regression from the picture's summary, without the denoiser; raises images.ImageError."""
-        prediction = self.model.first_guess(self._features(self._prepare(image)[0]))
+        prediction = self.model.first_guess(self.features(self._prepare(image)[0]))
         return self._candidate(self.model.outputs.modes(prediction)[0].double().numpy(), {})
 
     def build(self, params: Params, detail: Detail = "full") -> Asset:
@@ -267,7 +267,8 @@ class Inverter:
         found = sample(self.model, repeated, noise.repeat(views, 1), steps, known=known, given=given, views=views)
         return Prediction(found.mean[:count], found.logits[:count])
 
-    def _features(self, picture: np.ndarray) -> Features:
+    def features(self, picture: UInt8[np.ndarray, "s s 4"]) -> Features:
+        """What the encoder makes of a prepared picture."""
         return self.model.encoder(torch.from_numpy(over_white(picture)).permute(2, 0, 1)[None].float() / 255)
 
     def _with_needed(self, kept: Params, condition: Condition, noise: Tensor) -> Params:
