@@ -1,6 +1,7 @@
 """What tests of ranking and refining share: pictures of one box, and an estimator that knows nothing."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -20,12 +21,25 @@ TINY = ModelConfig(width=16, depth=1, heads=2, summary=16)
 TRUTH: Params = {"width": 0.5, "depth": 0.8, "height": 0.4, "top": "pyramid", "lid_height": 0.3, "overhang": 0.1}
 TRUTH |= {"has_legs": True, "leg_height": 0.3}
 VIEW = View(30.0, 20.0, 2.5)
+BALL = """
+import trimesh
+
+from dipcg.space import ParameterSpace, Real
+
+space = ParameterSpace(Real("radius", 0.9, 1.1, unit="m", doc="of the ball"), Real("hole", 0.0, 1.0, doc="some fail"))
 
 
-def untrained(generator: str) -> Inverter:
+def build(params):
+    if params["hole"] > MOST:
+        raise ValueError("no holes")
+    return trimesh.creation.icosphere(3, params["radius"])
+"""
+
+
+def untrained(generator: str, config: ModelConfig = TINY) -> Inverter:
     torch.manual_seed(0)
     found = load_generator(generator)
-    return Inverter(Estimator(found.space, TINY), found)
+    return Inverter(Estimator(found.space, config), found)
 
 
 def picture(inverter: Inverter, params: Params = TRUTH, seed: int = 0) -> np.ndarray:
@@ -41,6 +55,12 @@ def among(inverter: Inverter, image: np.ndarray, *candidates: Params, view: View
     found = [Candidate(params, view) for params in candidates]
     spread = {p.name: (p.high - p.low) / 10 for p in inverter.generator.space if isinstance(p, Real)}
     return replace(inverter.estimate(image, candidates=1, steps=1), candidates=found, expected=found[0], spread=spread)
+
+
+def write_ball(folder: Path, most: float) -> str:
+    """The file of a generator of balls, which fails where `hole` is more than that."""
+    (folder / "ball.py").write_text(BALL.replace("MOST", str(most)))
+    return str(folder / "ball.py")
 
 
 def with_changes(**changes: object) -> Params:

@@ -139,6 +139,26 @@ def test_held_values_stay_when_the_rest_is_estimated_again(studio, picture):
     assert {(c.params["width"], c.params["top"]) for c in found.candidates} == {(0.35, "pyramid")}
 
 
+def test_words_become_candidates_with_meshes_around_what_is_held(studio):
+    pytest.importorskip("transformers")
+    found = studio.describe("a low box with legs", "box", {"width": 0.35}, candidates=3)
+    assert {c.params["width"] for c in found.candidates} == {0.35}
+    assert all(c.mesh is not None and c.agreement is None for c in found.candidates)
+    assert len({c.view for c in found.candidates}) == 1, "all from one side"
+    strip = app_actions.strip(studio, found)
+    assert "picture" not in strip
+    assert len(strip["candidates"]) == len(found.candidates)
+    change, _ = app_actions.estimate(studio, "a low box with legs", "", {}, 0, lambda share, words: None)
+    assert change(Work()).asked == "a low box with legs"
+
+
+@pytest.mark.parametrize("text", ["", "  ", "ein hölzerner Stuhl mit geschwungener Rückenlehne", "box " * 400])
+def test_words_that_cannot_be_read_get_a_sentence(studio, text):
+    pytest.importorskip("transformers")
+    with pytest.raises(ValueError, match="The text"):
+        studio.describe(text, "box")
+
+
 def test_a_scene_holds_the_surface_it_was_made_of(mesh):
     made = scene(mesh, VIEW, 1)
     vertices = np.frombuffer(base64.b64decode(made["vertices"]), "<f4").reshape(-1, 3)

@@ -124,6 +124,23 @@ def test_from_a_picture_to_an_edited_file(visit, picture, tmp_path):
     expect(page.locator("#command")).to_contain_text("width=0.95")
 
 
+def test_from_a_sentence_to_an_asset_that_is_estimated_again_around_what_is_held(visit):
+    page = visit()
+    page.get_by_role("tab", name="Words").click()
+    page.locator("#words textarea").fill("a low box with legs")
+    page.locator("#use-words").click()
+    page.wait_for_selector("#viewer canvas[data-faces]")
+    assert page.locator("#candidates .photo").count() == 0, "there is no picture to stand beside"
+    shoot(page, "words")
+    move(page, "width", 0.77)
+    page.locator("[data-name=width] .hold").click()
+    expect(page.locator("[data-name=width] .hold")).to_have_attribute("aria-pressed", "true")
+    before = seen(page)
+    page.get_by_role("button", name="Estimate the rest again").click()
+    expect(page.locator("#viewer canvas")).not_to_have_attribute("data-drawn", before)
+    expect(number(page, "width")).to_have_value("0.770")
+
+
 def test_edits_hide_what_does_nothing_can_be_undone_and_can_be_held(visit, picture):
     page = visit()
     upload(page, picture)

@@ -36,9 +36,18 @@ def test_a_program_gets_what_python_gets(client, studio, picture, tmp_path):
     assert np.asarray(cut)[..., 3].min() == 0
 
 
+def test_a_program_may_say_what_it_wants(client, studio):
+    pytest.importorskip("transformers")
+    found = client.predict("a low box with legs", "", 2, 0, {"width": 0.4}, api_name="/describe")
+    expected = studio.describe("a low box with legs", "box", {"width": 0.4}, 2)
+    assert [c["params"] for c in found["candidates"]] == [c.params for c in expected.candidates]
+    assert found["misfit"] is None
+
+
 @pytest.mark.parametrize(
     ("words", "endpoint", "said"),
     [
+        (["", "box", 2, 0, {}], "/describe", "The text is empty"),
         (["box", {"width": 99}, ".glb", False], "/build", "These parameters are missing"),
         (["box", TRUTH | {"width": 99}, ".glb", False], "/build", "width must be a number from 0.3 to 1 m, got 99."),
         (["box", TRUTH, ".exe", False], "/build", "There is no format '.exe'"),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from boxes import BOX, untrained
+from boxes import BOX, untrained, write_ball
 
 from dipcg.baselines import Shape, built_shapes, middle, shortlist, stored_shapes
 from dipcg.cli import main
@@ -16,20 +16,6 @@ from dipcg.pipeline import Inverter
 from dipcg.store import Store, build_dataset
 
 COUNT = 60  # three of them in the test split, 54 to train with
-
-PICKY = """
-import trimesh
-
-from dipcg.space import ParameterSpace, Real
-
-space = ParameterSpace(Real("radius", 0.9, 1.1, unit="m", doc="of the ball"), Real("hole", 0.0, 1.0, doc="half fail"))
-
-
-def build(params):
-    if params["hole"] > 0.5:
-        raise ValueError("no holes")
-    return trimesh.creation.icosphere(3, params["radius"])
-"""
 
 
 @pytest.fixture(scope="module")
@@ -110,9 +96,8 @@ def test_stored_shapes_are_the_first_of_the_train_split(data):
 
 
 def test_built_shapes_follow_their_seed_and_leave_out_failures(tmp_path):
-    (tmp_path / "ball.py").write_text(PICKY)
     done = []
-    with untrained(str(tmp_path / "ball.py")) as balls:
+    with untrained(write_ball(tmp_path, most=0.5)) as balls:
         found = built_shapes(balls.pool, 12, seed=3, report=done.append)
         again = built_shapes(balls.pool, 12, seed=3)
     assert 0 < len(found) < 12
@@ -147,17 +132,16 @@ def test_a_row_does_not_depend_on_which_others_there_are(inverter, data, shapes)
 
 
 def test_a_middle_that_cannot_be_built_is_the_worst_in_every_row(tmp_path, shapes):
-    (tmp_path / "ball.py").write_text(PICKY.replace("> 0.5", "> 0.4"))
-    with untrained(str(tmp_path / "ball.py")) as balls:
+    with untrained(write_ball(tmp_path, most=0.4)) as balls:
         table = evaluate(balls, [case_of(shapes[0]), case_of(shapes[1])], 2, 1, metrics=["chamfer"])
     assert table.failures["mean of the prior"] == 2
     assert table.values["mean of the prior"]["chamfer"] == [chamfer.worst] * 2
 
 
 def test_what_has_no_choices_has_no_row_of_nothing(tmp_path):
-    (tmp_path / "ball.py").write_text(PICKY)
-    build_dataset(str(tmp_path / "ball.py"), tmp_path / "data", COUNT)
-    with untrained(str(tmp_path / "ball.py")) as balls:
+    ball = write_ball(tmp_path, most=0.5)
+    build_dataset(ball, tmp_path / "data", COUNT)
+    with untrained(ball) as balls:
         table = evaluate(balls, split_cases(tmp_path / "data", 1), 2, 1, metrics=["choice_accuracy", "parameter_error"])
     assert set(table.values["estimate"]) == {"parameter_error"}
     json.dumps(table.to_dict(), allow_nan=False)

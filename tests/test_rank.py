@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 import torch
-from boxes import BOX, TRUTH, VIEW, among, picture, untrained, with_changes
+from boxes import BOX, TRUTH, VIEW, among, picture, untrained, with_changes, write_ball
 
 from dipcg.camera import View
 from dipcg.compare import SIDE, Picture
@@ -18,20 +18,6 @@ from dipcg.rank import rank, warning
 from dipcg.recognise import chances, recognise
 from dipcg.space import Choice, ParameterSpace, Real
 
-BALL = """
-import trimesh
-
-from dipcg.space import ParameterSpace, Real
-
-space = ParameterSpace(Real("radius", 0.9, 1.1, unit="m", doc="of the ball"), Real("hole", 0.0, 1.0, doc="forbidden"))
-
-
-def build(params):
-    if params["hole"] > 0.9:
-        raise ValueError("no holes")
-    return trimesh.creation.icosphere(3, params["radius"])
-"""
-
 
 @pytest.fixture(scope="module")
 def inverter() -> Iterator[Inverter]:
@@ -41,9 +27,7 @@ def inverter() -> Iterator[Inverter]:
 
 @pytest.fixture(scope="module")
 def ball(tmp_path_factory) -> Iterator[Inverter]:
-    file = tmp_path_factory.mktemp("ball") / "ball.py"
-    file.write_text(BALL)
-    with untrained(str(file)) as inverter:
+    with untrained(write_ball(tmp_path_factory.mktemp("ball"), most=0.9)) as inverter:
         yield inverter
 
 

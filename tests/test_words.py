@@ -11,7 +11,7 @@ from dipcg.cli import main
 from dipcg.generators import load_generator
 from dipcg.pipeline import Inverter
 from dipcg.space import Choice
-from dipcg.weights import find_words, shipped
+from dipcg.weights import CheckpointError, find_words, shipped
 
 DESCRIBED = sorted(path.stem for path in FOLDER.glob("[a-z]*.toml"))
 
@@ -85,6 +85,8 @@ def test_tokens_do_not_depend_on_the_other_sentences_and_are_zero_after_the_end(
 
 def test_every_generator_that_ships_reads_words_too():
     assert [find_words(name).name for name in shipped()] == shipped()
+    with pytest.raises(CheckpointError, match="no checkpoint that reads words for 'box'"):
+        find_words("box")
 
 
 @pytest.mark.parametrize(
@@ -112,3 +114,51 @@ def test_a_sentence_becomes_an_asset_with_its_picture(tmp_path, capsys):
     width, height = Image.open(tmp_path / "a.png").size
     assert width == 2 * height, "two sides of it, and no photo"
     assert "Loading" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("sentence", "name"),
+    [
+        ("a tall bar chair with arms and a slatted back", "chair"),
+        ("something to sit on, with four straight legs and no armrests", "chair"),
+        ("a round dining table with a single foot", "table"),
+        ("an urn with a narrow neck and a wide belly", "vase"),
+        ("a wicker basket with two handles", "basket"),
+        ("a daisy with many thin petals", "flower"),
+        ("a dandelion clock whose seeds are half blown away", "dandelion"),
+    ],
+)
+def test_the_generator_is_heard_in_the_sentence(sentence, name):
+    pytest.importorskip("transformers")
+    from dipcg.heard import recognise_text
+
+    found = recognise_text(sentence)
+    assert found[0][0] == name
+    assert sum(chance for _, chance in found) == pytest.approx(1)
+    assert [other for other, _ in recognise_text(sentence, ["vase", "basket"])] != [name]
+
+
+def test_the_classifier_of_sentences_that_ships_knows_all_that_ship():
+    from dipcg.heard import ENCODER, FILE
+    from dipcg.kinds import read_kinds
+
+    heard = read_kinds(FILE)
+    assert (sorted(heard.names), heard.encoder) == (shipped(), ENCODER)
+
+
+def test_a_classifier_of_captions_is_right_about_others(monkeypatch):
+    pytest.importorskip("transformers")
+    from dipcg.heard import captions, fit, summaries
+
+    torch.manual_seed(0)
+    kinds = fit(["flower", "box"], 60)
+    unseen = captions(load_generator("flower"), 20, np.random.default_rng(9))
+    assert np.mean([kinds.shares(summaries([text]))[0][0] == "flower" for text in unseen]) > 0.9
+
+
+def test_a_generator_that_words_cannot_tell_apart_has_to_be_named():
+    pytest.importorskip("transformers")
+    from dipcg.heard import recognise_text
+
+    with pytest.raises(ValueError, match="Say which generator is meant"):
+        recognise_text("a lamp", ["lamp"])

@@ -19,7 +19,7 @@ from dipcg.app_cutout import Correction, corrected
 from dipcg.app_desk import Change
 from dipcg.app_studio import CANDIDATES, Report, Studio
 from dipcg.app_viewer import data_url, scene
-from dipcg.app_work import Work
+from dipcg.app_work import Asked, Work
 from dipcg.export import FORMATS, NEEDS
 from dipcg.generators import Detail
 from dipcg.images import Source, crop_to_object, cut_out, load_image
@@ -34,16 +34,17 @@ Image = UInt8[np.ndarray, "h w 4"]
 
 
 def estimate(
-    studio: Studio, picture: Image, generator: str, keep: Mapping[str, Any], seed: int, report: Report
+    studio: Studio, asked: Asked, generator: str, keep: Mapping[str, Any], seed: int, report: Report
 ) -> tuple[Change, Strip]:
-    """Estimate: the change that opens the best, and the strip of candidates with words on how it went.
+    """Estimate from a picture or from words: the change that opens the best, and the strip of candidates.
 
-    An empty `generator` lets it choose. Raises what `Studio.estimate` does.
+    An empty `generator` lets it choose. Raises what `Studio.estimate` and `Studio.describe` do.
     """
-    report(0.05, "Looking at the picture")
-    likely = studio.recognise(picture) if not generator else [(generator, 1.0)]
-    found = studio.estimate(picture, likely[0][0], keep, seed=seed, report=report)
-    fresh = app_work.estimated(likely[0][0], found, picture, frozenset(keep))
+    report(0.05, "Reading your words" if isinstance(asked, str) else "Looking at the picture")
+    likely = _likely(studio, asked, generator)
+    find: Any = studio.describe if isinstance(asked, str) else studio.estimate
+    found = find(asked, likely[0][0], keep, seed=seed, report=report)
+    fresh = app_work.estimated(likely[0][0], found, asked, frozenset(keep))
     return lambda work: app_work.replaced(work, fresh), strip(studio, found) | {"note": told(found, likely)}
 
 
@@ -56,7 +57,8 @@ def strip(studio: Studio, found: Estimate) -> Strip:
         {"image": image, "label": words, "description": f"Candidate {number}"}
         for number, (image, words) in enumerate(zip(images, labels, strict=True), 1)
     ]
-    return {"picture": data_url(crop_to_object(found.image, 256)), "candidates": candidates}
+    picture = {} if found.background == "words" else {"picture": data_url(crop_to_object(found.image, 256))}
+    return picture | {"candidates": candidates}
 
 
 def told(found: Estimate, likely: list[tuple[str, float]]) -> str:
@@ -115,8 +117,25 @@ def answer_estimate(
 ) -> dict[str, Any]:  # fmt: skip
     """What a program gets for a picture: candidates with parameters, view and agreement, and how sure each thing is."""
     image = load_image(picture)
-    likely = studio.recognise(image) if not generator else [(generator, 1.0)]
-    found = studio.estimate(image, likely[0][0], _named_values(keep or {}), candidates, seed)
+    likely = _likely(studio, image, generator)
+    return _answer(likely, studio.estimate(image, likely[0][0], _named_values(keep or {}), candidates, seed))
+
+
+def answer_describe(
+    studio: Studio, text: str, generator: str = "", candidates: int = CANDIDATES, seed: int = 0, keep: object = None
+) -> dict[str, Any]:
+    """What a program gets for a sentence: as for a picture, without agreement and misfit."""
+    likely = _likely(studio, text, generator)
+    return _answer(likely, studio.describe(text, likely[0][0], _named_values(keep or {}), candidates, seed))
+
+
+def _likely(studio: Studio, asked: Asked, generator: str) -> list[tuple[str, float]]:
+    if generator:
+        return [(generator, 1.0)]
+    return studio.recognise_text(asked) if isinstance(asked, str) else studio.recognise(asked)
+
+
+def _answer(likely: list[tuple[str, float]], found: Estimate) -> dict[str, Any]:
     return {
         "generator": likely[0][0],
         "generators": dict(likely),

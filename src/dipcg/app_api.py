@@ -15,7 +15,7 @@ from dipcg.app_studio import CANDIDATES, Studio
 
 
 def add_api(studio: Studio, downloads: Path) -> None:
-    """Add the endpoints /generators, /cut_out, /estimate and /build to the `gr.Blocks` of the context."""
+    """Add the endpoints /generators, /cut_out, /estimate, /describe and /build to the `gr.Blocks` of the context."""
 
     def generators() -> list[dict[str, Any]]:
         """The generators with their parameters."""
@@ -29,13 +29,17 @@ def add_api(studio: Studio, downloads: Path) -> None:
         """Candidates for a picture; an empty generator lets it choose, `keep` holds parameters."""
         return actions.answer_estimate(studio, _given(picture), generator or "", int(candidates), int(seed), keep)
 
+    def describe(text: str, generator: str, candidates: float | int, seed: float | int, keep: Any) -> dict[str, Any]:
+        """Candidates for a sentence, as /estimate gives them for a picture."""
+        return actions.answer_describe(studio, text or "", generator or "", int(candidates), int(seed), keep)
+
     def build(generator: str, params: Any, format: str, light: bool) -> str:
         """A file of an asset: its mesh in one of the formats, or its parameters."""
         return str(actions.write(studio, downloads, generator, params, format, "light" if light else "full"))
 
     with gr.Row(visible=False):
         trigger, picture, answer = gr.Button(), uploaded(), gr.JSON()
-        generator = gr.Textbox("", label="generator")
+        generator, text = gr.Textbox("", label="generator"), gr.Textbox("", label="text")
         params, keep = gr.JSON(label="params"), gr.JSON({}, label="keep")
         candidates, seed = gr.Number(CANDIDATES, label="candidates"), gr.Number(0, label="seed")
         difference, light = gr.Number(None, label="difference"), gr.Checkbox(label="light")
@@ -45,6 +49,10 @@ def add_api(studio: Studio, downloads: Path) -> None:
         trigger.click(
             telling(estimate), [picture, generator, candidates, seed, keep], answer,
             api_name="estimate", concurrency_id="estimate", concurrency_limit=ESTIMATES,
+        )  # fmt: skip
+        trigger.click(
+            telling(describe), [text, generator, candidates, seed, keep], answer,
+            api_name="describe", concurrency_id="estimate", concurrency_limit=ESTIMATES,
         )  # fmt: skip
         trigger.click(
             telling(build), [generator, params, ending, light], gr.File(), api_name="build", concurrency_limit=BUILDS

@@ -18,7 +18,7 @@ from dipcg.app_desk import Change, Desk
 from dipcg.app_limits import FAILED, sentence
 from dipcg.app_parameters import rows
 from dipcg.app_studio import Studio
-from dipcg.app_work import Work
+from dipcg.app_work import Asked, Work
 from dipcg.images import load_image, over_white
 from dipcg.worker import BuildError
 
@@ -57,12 +57,18 @@ class Events:
             return desk, *(gr.skip(),) * 4
         return self._found(desk, turn, _cut(*looks), generator or "", {}, 0, progress)
 
+    def describe(
+        self, desk: Desk, turn: int, generator: str, text: str, progress: gr.Progress = gr.Progress()  # noqa: B008
+    ) -> Shown:  # fmt: skip
+        """Candidates for what a sentence says, the expected one open."""
+        return self._found(desk, turn, text or "", generator or "", {}, 0, progress)
+
     def estimate_again(self, desk: Desk, turn: int, progress: gr.Progress = gr.Progress()) -> Shown:  # noqa: B008
-        """Candidates for the same picture around what is held."""
+        """Candidates for the same picture or words around what is held."""
         work = desk.work
-        if work.picture is None:
-            raise sentence("Add a picture first: the parameters that are not held are estimated from it.")
-        return self._found(desk, turn, work.picture, work.generator, app_work.to_keep(work), _seed(), progress)
+        if work.asked is None:
+            raise sentence("Add a picture or words first: the parameters that are not held are estimated from them.")
+        return self._found(desk, turn, work.asked, work.generator, app_work.to_keep(work), _seed(), progress)
 
     def open(self, desk: Desk, turn: int, event: gr.EventData) -> Shown:
         """One of the candidates."""
@@ -120,13 +126,13 @@ class Events:
         return str(self.examples[int(event.index)])
 
     def _found(
-        self, desk: Desk, turn: int, picture: np.ndarray, generator: str, keep: Mapping[str, Any], seed: int,
+        self, desk: Desk, turn: int, asked: Asked, generator: str, keep: Mapping[str, Any], seed: int,
         progress: gr.Progress,
     ) -> Shown:  # fmt: skip
         def report(share: float, words: str) -> None:
             progress(share, desc=words)
 
-        change, strip = actions.estimate(self.studio, picture, generator, keep, seed, report)
+        change, strip = actions.estimate(self.studio, asked, generator, keep, seed, report)
         desk, *asset = self._changed(desk, turn, change)
         return desk, strip | {"chosen": max(0, desk.work.chosen), "version": turn}, *asset
 

@@ -20,12 +20,15 @@ FILES = Path(__file__).parent / "page"
 EXAMPLES = (Path(__file__).parent / "examples", Path(__file__).parents[2] / "examples" / "images")
 BUILDS, ESTIMATES = 4, 2  # at once; more wait in the queue
 CHOOSE = "let it choose"
+MOST_LETTERS = 500  # of words
 FORGET_S = 3 * 3600  # after which what a visitor left open is forgotten
 
 ABOUT = """# dipcg
-A photo or a sketch becomes an **exact, light, editable** 3D asset: the parameters of a procedural generator."""
+A photo, a sketch or a sentence becomes an **exact, light, editable** 3D asset: the parameters of a procedural
+generator."""
 EMPTY = {
-    "strip": "Drop, paste or draw a picture, or take an example: candidates appear here, the likeliest first.",
+    "strip": "Drop, paste or draw a picture, say what it is like, or take an example: candidates appear here, the "
+    "likeliest first.",
     "viewer": "The asset opens here: drag to turn it, scroll to come nearer.",
     "parameters": "Every parameter of the asset appears here, and can be changed.",
 }
@@ -57,6 +60,12 @@ class Page:
                 )  # fmt: skip
             with gr.Tab("Draw"):
                 self.sketch = _scripted("sketch", "sketch", "Draw the outline and the main edges.")
+            with gr.Tab("Words"):
+                self.words = gr.Textbox(
+                    label="What it is like, in English", placeholder="a tall bar chair with arms and a slatted back",
+                    lines=3, max_length=MOST_LETTERS, elem_id="words",
+                )  # fmt: skip
+                self.use_words = gr.Button("Make it", variant="primary", elem_id="use-words")
         self.offered = _scripted("strip", "examples", "Or start from one of these:" if self.examples else "")
         self.offered.value = self._offered()
         names = [(CHOOSE, ""), *((name, name) for name in self.names)]
@@ -117,6 +126,7 @@ class Page:
             "trigger_mode": "multiple", "js": NEXT_TURN,
         }  # fmt: skip
         again: dict[str, Any] = estimating | {"inputs": asked}
+        saying: dict[str, Any] = estimating | {"inputs": [*asked, self.generator, self.words]}
         looking: dict[str, Any] = QUIET | {"trigger_mode": "multiple"}
         self.picture.change(None, None, self.crop, js="() => [0, 0, 0, 0]", **looking).then(
             telling(does.look), looks, looked, **looking
@@ -126,6 +136,8 @@ class Page:
         self.use_cut.click(telling(does.estimate), **estimating)
         self.generator.input(telling(does.estimate), **estimating)
         self.again.click(telling(does.estimate_again), **again)
+        self.use_words.click(telling(does.describe), **saying)
+        self.words.submit(telling(does.describe), **saying)
         self.sketch.select(telling(does.sketched), None, self.picture, **QUIET)
         self.offered.select(telling(does.example), None, self.picture, **QUIET)
         self._edits(does)

@@ -21,10 +21,12 @@ from dipcg.generators import Detail
 from dipcg.images import MARGIN, Source
 from dipcg.mesh import Mesh
 from dipcg.pipeline import Estimate, Inverter
+from dipcg.preview import TOLD_VIEW
 from dipcg.rank import rank
 from dipcg.recognise import recognisable, recognise
 from dipcg.render import Renderer
 from dipcg.space import did_you_mean
+from dipcg.weights import find_words
 from dipcg.worker import BuildError
 
 CANDIDATES = 8  # of the strip
@@ -48,6 +50,7 @@ class Studio:
         count = workers or max(1, min(MOST_WORKERS, (os.cpu_count() or 1) // len(names)))
         loaded = [Inverter.load(name, count) for name in names]
         self.inverters: dict[str, Inverter] = {inverter.generator.name: inverter for inverter in loaded}
+        self._readers: dict[str, Inverter] = {}
         self._one = ThreadPoolExecutor(1, thread_name_prefix="estimate")  # an OpenGL context belongs to one thread
         for inverter in loaded:
             inverter.pool.warm()
@@ -83,9 +86,7 @@ class Studio:
 
         Raises images.ImageError, ValueError for values that cannot be held, and worker.BuildError when none is built.
         """
-        if not 1 <= candidates <= MOST_CANDIDATES:
-            raise ValueError(f"From 1 to {MOST_CANDIDATES} candidates can be asked for, got {candidates}.")
-        inverter = self.find(name)
+        inverter, candidates = self.find(name), _few(candidates)
 
         def told(built: int) -> None:
             report(0.3 + 0.7 * built / candidates, "Building and comparing the candidates")
@@ -98,6 +99,38 @@ class Studio:
             return ranked if all(c.mesh for c in ranked.candidates) else rank(found, told)
 
         return _only_built(self._alone(work))
+
+    def recognise_text(self, text: str) -> list[tuple[str, float]]:
+        """The generators with the chance that a sentence asks for each; raises ValueError with a sentence."""
+        from dipcg.heard import recognise_text
+
+        return [(self.names[0], 1.0)] if len(self.inverters) == 1 else recognise_text(text, self.names)
+
+    def describe(
+        self,
+        text: str,
+        name: str,
+        keep: Mapping[str, Any] | None = None,
+        candidates: int = CANDIDATES,
+        seed: int = 0,
+        report: Report = lambda share, words: None,
+    ) -> Estimate:
+        """Candidates for what a sentence says, with their light meshes, all from one side; the expected one first.
+
+        Raises ValueError, weights.CheckpointError where a generator has no estimator that reads words, and
+        worker.BuildError when none is built.
+        """
+        inverter = self.find(name)
+        report(0.1, "Reading")
+        found = self._alone(lambda: self._reader(name).describe(text, _few(candidates), seed=seed, keep=keep))
+        report(0.3, "Building the candidates")
+        meshes = inverter.pool.map(candidate.params for candidate in found.candidates)
+        view = replace(inverter.generator.views.middle, azimuth_deg=TOLD_VIEW.azimuth_deg)
+        seen = [
+            replace(candidate, view=view, mesh=None if isinstance(mesh, BuildError) else mesh)
+            for candidate, mesh in zip(found.candidates, meshes, strict=True)
+        ]
+        return _only_built(replace(found, candidates=seen))
 
     def build(self, name: str, params: Mapping[str, Any], detail: Detail = "light") -> Asset:
         """Build checked parameters, a second time when the worker died; raises ValueError and worker.BuildError."""
@@ -119,6 +152,7 @@ class Studio:
         self._one.shutdown(wait=True, cancel_futures=True)
         for inverter in self.inverters.values():
             inverter.close()
+        self._readers.clear()
 
     def __enter__(self) -> Studio:
         return self
@@ -126,12 +160,24 @@ class Studio:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def _reader(self, name: str) -> Inverter:
+        """The estimator that reads words, loaded when they are first given; what it finds is built by the other's."""
+        if name not in self._readers:
+            self._readers[name] = Inverter.load(str(find_words(name)))
+        return self._readers[name]
+
     @cached_property
     def _renderer(self) -> Renderer:
         return Renderer(TILE)
 
     def _alone(self, work: Callable[[], T]) -> T:
         return self._one.submit(work).result()
+
+
+def _few(candidates: int) -> int:
+    if not 1 <= candidates <= MOST_CANDIDATES:
+        raise ValueError(f"From 1 to {MOST_CANDIDATES} candidates can be asked for, got {candidates}.")
+    return candidates
 
 
 def _only_built(found: Estimate) -> Estimate:

@@ -16,6 +16,8 @@ from dipcg.space import ParameterSpace, Params, Value
 
 MOST_UNDONE = 100  # edits that can be undone
 
+Asked = UInt8[np.ndarray, "h w 4"] | str  # a picture, or words
+
 
 @dataclass(frozen=True)
 class Found:
@@ -40,7 +42,7 @@ class Work:
     before: tuple[Params, ...] = ()
     moving: str = ""  # the parameter whose slider is being dragged: one drag is one step to undo
     opened: int = 0  # counts the assets opened, so that the viewer knows when to aim its camera anew
-    picture: UInt8[np.ndarray, "h w 4"] | None = None  # to estimate from again
+    asked: Asked | None = None  # to estimate from again
 
 
 def opened(work: Work, index: int) -> Work:
@@ -51,12 +53,10 @@ def opened(work: Work, index: int) -> Work:
     return replace(work, chosen=index, params=params, before=(), moving="", opened=work.opened + 1)
 
 
-def estimated(
-    generator: str, found: Estimate, picture: UInt8[np.ndarray, "h w 4"], held: frozenset[str] = frozenset()
-) -> Work:
-    """What an estimate found, its best candidate open."""
+def estimated(generator: str, found: Estimate, asked: Asked, held: frozenset[str] = frozenset()) -> Work:
+    """What an estimate found for a picture or for words, its best candidate open."""
     candidates = tuple(Found(c.params, c.view, c.agreement) for c in found.candidates)
-    fresh = Work(generator, candidates, 0, {}, found.spread, found.chances, held, picture=picture)
+    fresh = Work(generator, candidates, 0, {}, found.spread, found.chances, held, asked=asked)
     return opened(fresh, 0)
 
 

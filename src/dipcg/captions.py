@@ -51,20 +51,25 @@ def says(parameter: Parameter, value: object) -> str | None:
     return "low" if share <= LOW else "high" if share >= HIGH else None
 
 
-def caption(generator: Generator, params: Params, rng: np.random.Generator) -> str:
-    """One of many sentences about an asset: a random few of the things that are true of it."""
-    return tell(generator, params, rng)[0]
+def caption(generator: Generator, params: Params, rng: np.random.Generator, nouns: Sequence[str] | None = None) -> str:
+    """One of many sentences about an asset: a random few of the things that are true of it.
+
+    It is called by one of the generator's nouns, unless others are given.
+    """
+    return tell(generator, params, rng, nouns)[0]
 
 
-def tell(generator: Generator, params: Params, rng: np.random.Generator) -> tuple[str, list[str]]:
+def tell(
+    generator: Generator, params: Params, rng: np.random.Generator, nouns: Sequence[str] | None = None
+) -> tuple[str, list[str]]:
     """A caption, and the names of the parameters that it says something about."""
-    nouns, phrases = load_words(generator)
+    own, phrases = load_words(generator)
     space = generator.space
     active = [p for p, on in zip(space, space.active(params), strict=True) if on and _may_be_told(generator, p, params)]
     true = [(p.name, said) for p in active if (said := says(p, params[p.name])) in phrases.get(p.name, ())]
     chosen = [true[i] for i in rng.permutation(len(true))[: rng.integers(1, MOST + 1)]]
     parts = [str(rng.choice(phrases[name][said])) for name, said in chosen]
-    return _with_chatter(str(rng.choice(nouns)), parts, rng), [name for name, _ in chosen]
+    return _with_chatter(str(rng.choice(nouns or own)), parts, rng), [name for name, _ in chosen]
 
 
 def _may_be_told(generator: Generator, parameter: Parameter, params: Params) -> bool:

@@ -50,7 +50,7 @@ def estimate(
         text: what the object is like, in English, instead of pictures; for a checkpoint that was trained on sentences
         views: all pictures show one object, each from its own side; the first one's camera is estimated
         generator: what they show, or a folder with a checkpoint, or a generator's file whose checkpoint is in runs/;
-            when left out, each picture is tried with all checkpoints that ship
+            when left out, it is recognised among those that ship
         candidates: how many to choose from: the expected one, and samples
         steps: of the sampler; as many as the checkpoint was made for when left out
         seed: of the samples
@@ -152,23 +152,24 @@ def _estimate_text(
     kept: Mapping[str, str],
     preview: Path | None,
 ) -> None:
-    """Turn a sentence into an asset; raises ValueError when pictures are given too, or no generator is."""
+    """Turn a sentence into an asset; raises ValueError when pictures are given too."""
     from dipcg.export import check_target
+    from dipcg.heard import recognise_text
     from dipcg.pipeline import Inverter
     from dipcg.weights import find_words
 
-    if images or generator is None:
-        raise ValueError(
-            "With --text give no pictures, and the generator: dipcg estimate --text '…' -g chair -o OUT.glb"
-        )
+    if images:
+        raise ValueError("Give pictures or --text, not both: dipcg estimate --text 'a tall bar chair' -o OUT.glb")
     written.check()
     if preview is not None:
         check_target(preview, (".png",))
+    chances = {} if generator else dict(recognise_text(text))
+    generator = generator or next(iter(chances))
     with Inverter.load(str(find_words(generator))) as inverter:
         found = inverter.describe(text, candidates, steps, seed, kept)
         targets = (written.output, written.params_out, preview)
         _write(found, targets, written)
-        _tell(Path(text), found, {}, targets, written.json)
+        _tell(Path(text), found, chances, targets, written.json)
 
 
 def _inverters(stack: ExitStack, generator: str | None, many_builds: bool) -> dict[str, Inverter]:

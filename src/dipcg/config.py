@@ -12,6 +12,8 @@ class ModelConfig:
 
     encoder: str = "conv"
     """name of a file in encoders/"""
+    image_size: int = 128
+    """side of the pictures that the conv encoder sees, a multiple of 16; the pretrained ones have their own"""
     width: int = 192
     """of every token of the denoiser (the paper's 192)"""
     depth: int = 4
@@ -73,6 +75,8 @@ class TrainConfig:
     """of training, after which the best weights are written"""
     start: str = ""
     """checkpoint whose weights it begins with, a name or a folder; what does not fit begins at random"""
+    shapes: int = 0
+    """of the data set's train split, its first so many; 0 for all"""
     batch: int = 64
     """pictures a step"""
     learning_rate: float = 1e-3
@@ -87,6 +91,8 @@ class TrainConfig:
     """noise levels per picture; the picture's tokens are computed once for all of them"""
     lock: float = 0.3
     """share of pictures with some parameters given, for `--keep`"""
+    first: float = 0.125
+    """share of the draws that are pure noise, where the answer is read: the expectation before the first step"""
     ema: float = 0.999
     """decay of the averaged weights that are shipped"""
     repeats: int = 2

@@ -55,6 +55,10 @@ class Shapes(NamedTuple):
     x: Float[np.ndarray, "n p"]
     active: Bool[np.ndarray, "n p"]
 
+    def first(self, count: int) -> Shapes:
+        """The first so many."""
+        return Shapes(self.meshes[:count], self.x[:count], self.active[:count])
+
 
 def load_shapes(folder: str | Path, split: str) -> tuple[Generator, Shapes]:
     """Read the shapes of a split that could be built; raises ValueError when there are none."""

@@ -31,14 +31,22 @@ def prediction_loss(
 
 
 def denoising_loss(
-    model: Estimator, condition: Condition, x: Float[Tensor, "b d"], active: Bool[Tensor, "b d"], lock: float
+    model: Estimator,
+    condition: Condition,
+    x: Float[Tensor, "b d"],
+    active: Bool[Tensor, "b d"],
+    lock: float,
+    first: float = 0.0,
 ) -> Float[Tensor, ""]:
     """The loss at one random time per row, with some parameters given clean in a share `lock` of the rows.
+
+    A share `first` of the rows is at time 0, which random times seldom come near and the expectation is read at.
 
     An inactive parameter means nothing, so the network sees a random value there and is not asked for it.
     """
     x = torch.where(active, x, torch.rand_like(x) * 2 - 1)
     t = torch.rand(len(x), device=x.device).sqrt()  # late times decide the details
+    t = t * (torch.rand_like(t) >= first)
     given = _random_locks(x, lock)
     noisy = torch.where(given, x, interpolate(x, torch.randn_like(x), t))
     return prediction_loss(model.outputs, model.denoiser(noisy, t, given, condition), x, active & ~given)

@@ -41,8 +41,11 @@ class Kinds:
     def chances(self, inverter: Inverter, image: Source) -> list[tuple[str, float]]:
         """The names with the chance that the picture shows each, the likeliest first."""
         with torch.inference_mode():
-            summary = inverter.features(prepare(image, inverter.image_size)[0]).summary
-            shares = F.linear(summary, self.weight, self.bias).softmax(1)[0].tolist()
+            return self.shares(inverter.features(prepare(image, inverter.image_size)[0]).summary)
+
+    def shares(self, summary: Float[Tensor, "1 w"]) -> list[tuple[str, float]]:
+        """The names with their chances given what an encoder made of one thing, the likeliest first."""
+        shares = F.linear(summary, self.weight, self.bias).softmax(1)[0].tolist()
         return sorted(zip(self.names, shares, strict=True), key=lambda pair: -pair[1])
 
     def save(self, path: Path) -> None:
@@ -53,14 +56,15 @@ class Kinds:
 
 def load_kinds(inverter: Inverter, path: Path = FILE) -> Kinds | None:
     """The classifier that ships, if it was fitted on this estimator's encoder."""
-    if not path.is_file():
-        return None
+    found = read_kinds(path) if path.is_file() else None
+    return found if found and found.encoder == fingerprint(inverter) else None
+
+
+def read_kinds(path: Path) -> Kinds:
+    """A classifier as `Kinds.save` wrote it."""
     with safe_open(path, "pt") as file:
-        about = file.metadata()
-        found = Kinds(
-            tuple(json.loads(about["names"])), about["encoder"], file.get_tensor("weight"), file.get_tensor("bias")
-        )
-    return found if found.encoder == fingerprint(inverter) else None
+        about, weight, bias = file.metadata(), file.get_tensor("weight"), file.get_tensor("bias")
+    return Kinds(tuple(json.loads(about["names"])), about["encoder"], weight, bias)
 
 
 def fingerprint(inverter: Inverter) -> str:
@@ -81,8 +85,7 @@ def fit(inverter: Inverter, folders: Sequence[str | Path], pictures: int = 1500,
     seen = [summaries(inverter, folder, pictures, split) for folder in folders]
     names = tuple(name for name, _ in seen)
     summary, kind = torch.cat([found for _, found in seen]), torch.arange(len(seen)).repeat_interleave(pictures)
-    layer = _fitted(summary, kind, len(names))
-    return Kinds(names, fingerprint(inverter), layer.weight.detach(), layer.bias.detach())
+    return fitted(names, fingerprint(inverter), summary, kind)
 
 
 @torch.inference_mode()
@@ -94,8 +97,9 @@ def summaries(inverter: Inverter, folder: str | Path, count: int, split: str) ->
     return generator.name, torch.cat(found)[:count].clone()
 
 
-def _fitted(summary: Float[Tensor, "n w"], kind: Int64[Tensor, " n"], kinds: int) -> nn.Linear:
-    layer = nn.Linear(summary.shape[1], kinds)
+def fitted(names: tuple[str, ...], encoder: str, summary: Float[Tensor, "n w"], kind: Int64[Tensor, " n"]) -> Kinds:
+    """A classifier of summaries whose kinds are numbered in the order of the names, by cross-entropy."""
+    layer = nn.Linear(summary.shape[1], len(names))
     optimiser = torch.optim.AdamW(layer.parameters(), 1e-2, weight_decay=0.1)
     for _ in range(STEPS):
         chosen = torch.randint(len(summary), (512,))
@@ -103,4 +107,4 @@ def _fitted(summary: Float[Tensor, "n w"], kind: Int64[Tensor, " n"], kinds: int
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
-    return layer
+    return Kinds(names, encoder, layer.weight.detach(), layer.bias.detach())

@@ -64,6 +64,7 @@ def train(
     """
     torch.manual_seed(config.seed)
     generator, shapes = load_shapes(data, "train")
+    shapes = shapes.first(config.shapes or len(shapes.x))
     run = Run(build_estimator(generator.space, model_config), config, Path(out), generator)
     if _compiles(config, run.device):
         torch._dynamo.config.suppress_errors = True  # what cannot be compiled runs as it is
@@ -172,7 +173,7 @@ class Run:
             draws = self.config.draws
             condition = self.model.condition(features).repeat(draws)
             x, active = batch.x.repeat_interleave(draws, 0), active.repeat_interleave(draws, 0)
-            return loss + denoising_loss(self.model, condition, x, active, self.config.lock)
+            return loss + denoising_loss(self.model, condition, x, active, self.config.lock, self.config.first)
 
     def _set_rate(self) -> None:
         warm = min(1.0, self.share / 0.02)

@@ -8,29 +8,31 @@ from torch import Tensor, nn
 from dipcg.config import ModelConfig
 from dipcg.encoders import Features
 
-IMAGE_SIZE = 128
 STAGES = ((64, 2), (128, 2), (192, 2))  # (channels, blocks) at a quarter, an eighth and a sixteenth of the side
 
 
 def build(config: ModelConfig) -> nn.Module:
-    return ConvEncoder(config.summary)
+    """Raises ValueError when the pictures' side cannot be halved four times."""
+    if config.image_size < 16 or config.image_size % 16:
+        raise ValueError(f"The image size of the conv encoder is a multiple of 16, got {config.image_size}.")
+    return ConvEncoder(config.summary, config.image_size)
 
 
 class ConvEncoder(nn.Module):
-    """A ResNet (He et al. 2016) of three stages; its last map becomes 64 tokens, and flattened the summary."""
+    """A ResNet (He et al. 2016) of three stages; its last map becomes tokens, 64 at 128², and flattened a summary."""
 
-    image_size = IMAGE_SIZE
     channels = STAGES[-1][0]
 
-    def __init__(self, summary: int) -> None:
+    def __init__(self, summary: int, image_size: int) -> None:
         super().__init__()
+        self.image_size = image_size
         layers: list[nn.Module] = [nn.Conv2d(3, 32, 3, 2, 1, bias=False), nn.BatchNorm2d(32), nn.ReLU()]
         before = 32
         for channels, blocks in STAGES:
             layers += [_Block(before if i == 0 else channels, channels, 2 if i == 0 else 1) for i in range(blocks)]
             before = channels
         self.body = nn.Sequential(*layers)
-        cells = (IMAGE_SIZE // 16) ** 2
+        cells = (image_size // 16) ** 2
         squeeze = nn.Conv2d(before, 32, 1)
         self.pool = nn.Sequential(
             squeeze, nn.Flatten(), nn.Linear(32 * cells, summary), nn.LayerNorm(summary), nn.GELU()
