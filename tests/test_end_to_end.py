@@ -142,7 +142,7 @@ from dipcg.config import ModelConfig, TrainConfig
 
 data, out, minutes = sys.argv[1:]
 train.VALIDATE_EVERY_S, train.VALIDATION_PICTURES = 0.5, 4
-dials = TrainConfig(minutes=float(minutes), batch=4, denoiser_from=0.0, workers=0)
+dials = TrainConfig(minutes=float(minutes), batch=4, denoiser_from=0.0, workers=0, compile="no")
 model = ModelConfig(width=24, depth=1, heads=2, summary=16)
 train.train(data, out, dials, model, lambda status: print(json.dumps([status.share, status.pictures]), flush=True))
 """

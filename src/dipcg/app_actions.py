@@ -66,7 +66,7 @@ def told(found: Estimate, likely: list[tuple[str, float]]) -> str:
     name, chance = likely[0]
     which = f"Recognised as {name} ({100 * chance:.0f} % sure). " if len(likely) > 1 else ""
     count = len(found.candidates)
-    many = f"{count} different candidates, the likeliest first." if count > 1 else "One candidate."
+    many = f"{count} different candidates, the likeliest first." if count > 1 else "All candidates are alike."
     doubt = warning(found)
     return which + (f"Careful: {doubt}" if doubt else many)
 

@@ -22,7 +22,7 @@ from dipcg.images import MARGIN, Source
 from dipcg.mesh import Mesh
 from dipcg.pipeline import Estimate, Inverter
 from dipcg.preview import TOLD_VIEW
-from dipcg.rank import rank
+from dipcg.rank import merged, rank
 from dipcg.recognise import recognisable, recognise
 from dipcg.render import Renderer
 from dipcg.space import did_you_mean
@@ -130,7 +130,7 @@ class Studio:
             replace(candidate, view=view, mesh=None if isinstance(mesh, BuildError) else mesh)
             for candidate, mesh in zip(found.candidates, meshes, strict=True)
         ]
-        return _only_built(replace(found, candidates=seen))
+        return _only_built(replace(found, candidates=merged(found, seen)))
 
     def build(self, name: str, params: Mapping[str, Any], detail: Detail = "light") -> Asset:
         """Build checked parameters, a second time when the worker died; raises ValueError and worker.BuildError."""

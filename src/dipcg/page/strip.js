@@ -26,7 +26,7 @@ function show() {
   if (value && value.version < newest) return;
   newest = (value && value.version) || newest;
   element.querySelector(".note").textContent = (value && value.note) || "";
-  element.querySelector(".empty").hidden = Boolean(value && value.picture);
+  element.querySelector(".empty").hidden = Boolean(value && value.chosen >= 0); // examples are offered, none is open
   list.replaceChildren();
   if (!value) return;
   if (value.picture) {
