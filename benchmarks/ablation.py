@@ -14,7 +14,7 @@ from itertools import islice
 from pathlib import Path
 
 from benchmarks.timing import header, machine, row
-from dipcg.evaluate import evaluate, pair_cases, split_cases
+from dipcg.evaluate import Plan, evaluate, pair_cases, split_cases
 from dipcg.pipeline import Inverter
 from dipcg.recipes import RECIPES, find_recipe
 from dipcg.store import Store
@@ -58,8 +58,8 @@ def _train(name: str, data: str) -> Path:
 def _measure(inverter: Inverter, data: str) -> Table:
     if PAIRS:
         pairs = islice(pair_cases(PAIRS, inverter.generator.name), COUNT)
-        return evaluate(inverter, pairs, 2, quarter_turns=True, metrics=list(COLUMNS))
-    return evaluate(inverter, split_cases(data, COUNT), 2, metrics=list(COLUMNS))
+        return evaluate(inverter, pairs, Plan(2, quarter_turns=True, metrics=COLUMNS))
+    return evaluate(inverter, split_cases(data, COUNT), Plan(2, metrics=COLUMNS))
 
 
 if __name__ == "__main__":

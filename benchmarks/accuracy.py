@@ -3,7 +3,7 @@
 import os
 
 from dipcg.baselines import built_shapes, stored_shapes
-from dipcg.evaluate import evaluate, pair_cases, split_cases
+from dipcg.evaluate import Plan, evaluate, pair_cases, split_cases
 from dipcg.pipeline import Inverter
 from dipcg.terminal import differences, table
 
@@ -19,11 +19,11 @@ def main() -> None:
         )
     with Inverter.load("chair", workers=2) as inverter:
         if data:
-            found = evaluate(inverter, split_cases(data, COUNT), random_shapes=stored_shapes(data, RANDOM))
+            found = evaluate(inverter, split_cases(data, COUNT), Plan(random_shapes=stored_shapes(data, RANDOM)))
             print(f"Test split, {COUNT} shapes:\n\n{table(found)}\n\n{differences(found)}")
         if pairs:
             shapes = built_shapes(inverter.pool, RANDOM)
-            found = evaluate(inverter, pair_cases(pairs, "chair"), quarter_turns=True, random_shapes=shapes)
+            found = evaluate(inverter, pair_cases(pairs, "chair"), Plan(quarter_turns=True, random_shapes=shapes))
             print(f"\nPairs, at the best of four quarter turns:\n\n{table(found)}\n\n{differences(found)}")
 
 

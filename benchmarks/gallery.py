@@ -1,26 +1,39 @@
-"""Pictures beside their estimates: `python -m benchmarks.gallery OUT.png PICTURE...` makes one row of three each."""
+"""Pictures beside their estimates: `python -m benchmarks.gallery OUT.png PICTURE...` makes one row of three each.
 
+As `dipcg estimate` does it: each picture's generator is recognised, its candidates are ranked, the first built in full.
+`DIPCG_BENCH_GENERATOR` names the generator of all, `DIPCG_BENCH_COLUMNS` (2) how many stand side by side.
+"""
+
+import os
 import sys
+from collections.abc import Mapping
 
 import numpy as np
 
 from dipcg.images import save_image
 from dipcg.pipeline import Inverter
 from dipcg.preview import in_rows, side_by_side
+from dipcg.rank import rank
+from dipcg.recognise import recognisable, recognise
+
+NAMED = os.environ.get("DIPCG_BENCH_GENERATOR")
+COLUMNS = int(os.environ.get("DIPCG_BENCH_COLUMNS", "2"))
 
 
-def main(out: str, pictures: list[str], generator: str = "chair", columns: int = 3) -> None:
-    with Inverter.load(generator, workers=2) as inverter:
-        found = [inverter.estimate(picture) for picture in pictures]
-        meshes = inverter.pool.map([estimate.params for estimate in found])
-        rows = [_row(estimate, mesh) for estimate, mesh in zip(found, meshes, strict=True)]
-    save_image(in_rows(rows, columns), out)
+def main(out: str, pictures: list[str]) -> None:
+    inverters = {name: Inverter.load(name) for name in ([NAMED] if NAMED else recognisable())}
+    try:
+        save_image(in_rows([_row(inverters, picture) for picture in pictures], COLUMNS), out)
+    finally:
+        for inverter in inverters.values():
+            inverter.close()
 
 
-def _row(estimate, mesh) -> np.ndarray:
-    if isinstance(mesh, Exception):
-        raise mesh
-    return side_by_side(estimate, mesh)[::2, ::2]
+def _row(inverters: Mapping[str, Inverter], picture: str) -> np.ndarray:
+    name = NAMED or recognise(picture, inverters)[0][0]
+    found = rank(inverters[name].estimate(picture))
+    print(f"{picture}: {name}, {100 * (found.candidates[0].agreement or 0):.0f} % match")
+    return side_by_side(found, found.build().mesh)[::2, ::2]
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 """Make the example pictures with Blender's Cycles: chairs of chosen parameters on a white floor, one as a drawing too,
-and a random asset of each other generator in Infinigen's materials.
+and a random asset of each other generator in Infinigen's materials before grey.
 
 Run with `python examples/make_images.py`, or with names of generators for theirs alone; needs `pip install
 'dipcg[infinigen]'`.
@@ -14,7 +14,7 @@ from PIL import Image
 from dipcg.blender import Blender
 from dipcg.camera import View, camera_position
 from dipcg.generators import load_generator
-from dipcg.images import MARGIN, edges, load_image, over_white, save_image
+from dipcg.images import MARGIN, edges, load_image, save_image
 from dipcg.mesh import Mesh
 from dipcg.worker import BuildPool
 
@@ -40,6 +40,7 @@ OTHERS = {
     "flower": (3, View(20, 35, 3.0)), "dandelion": (3, View(10, 6, 3.5)),
 }  # fmt: skip
 SIDE, SAMPLES, COLOURS = 320, 16, 192
+GROUND = 188  # grey behind them
 PATIENCE_S = 3600.0  # on a busy machine
 
 
@@ -59,7 +60,9 @@ def photograph_in_materials(blender: Blender, name: str, seed: int, view: View) 
         mesh = pool.build(generator.space.sample(np.random.default_rng(seed)), "light")
     asked = (mesh, generator.ref, seed, view, SIDE, SAMPLES, MARGIN)
     image = blender.call("_studio:photograph", *asked, timeout_s=PATIENCE_S)
-    drawn = Image.fromarray(over_white(image)).quantize(COLOURS)  # half the bytes
+    alpha = image[..., 3:] / 255
+    on_grey = (image[..., :3] * alpha + GROUND * (1 - alpha)).astype(np.uint8)  # white things cannot be cut from white
+    drawn = Image.fromarray(on_grey).quantize(COLOURS)  # half the bytes
     drawn.save(FOLDER / f"{name}.png", optimize=True)
 
 

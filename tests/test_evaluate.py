@@ -10,12 +10,14 @@ from boxes import BOX, untrained, write_ball
 
 from dipcg.baselines import Shape, built_shapes, middle, shortlist, stored_shapes
 from dipcg.cli import main
-from dipcg.evaluate import Case, evaluate, pair_cases, split_cases
+from dipcg.evaluate import Case, Plan, evaluate, pair_cases, split_cases
 from dipcg.metrics import chamfer, parameter_error, surface_points
 from dipcg.pipeline import Inverter
 from dipcg.store import Store, build_dataset
 
 COUNT = 60  # three of them in the test split, 54 to train with
+CHAMFER = Plan(2, 2, metrics=["chamfer"])
+PARAMETERS = Plan(2, 1, metrics=["choice_accuracy", "parameter_error"])
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +112,9 @@ def test_built_shapes_follow_their_seed_and_leave_out_failures(tmp_path):
 
 
 def test_rows_go_from_bounds_to_estimates(inverter, data):
-    table = evaluate(inverter, split_cases(data, 2), 2, 2, metrics=["chamfer"], random_shapes=stored_shapes(data, 9))
+    table = evaluate(
+        inverter, split_cases(data, 2), Plan(2, 2, metrics=["chamfer"], random_shapes=stored_shapes(data, 9))
+    )
     blind = ["noise floor", "prior (a random one)", "mean of the prior", "nearest of 9 random"]
     assert list(table.values) == [*blind, "direct guess", "most central sample", "estimate"]
     assert all(len(values["chamfer"]) == 2 for values in table.values.values())
@@ -119,21 +123,22 @@ def test_rows_go_from_bounds_to_estimates(inverter, data):
 def test_a_shape_among_the_random_ones_is_found_to_the_noise_floor(inverter, shapes):
     for turns in (0, 1):
         cases = [case_of(shapes[3], turns)]
-        table = evaluate(inverter, cases, 2, 1, turns > 0, ["chamfer"], random_shapes=shapes)
+        table = evaluate(inverter, cases, Plan(2, 1, turns > 0, ["chamfer"], random_shapes=shapes))
         assert table.values["nearest of 40 random"]["chamfer"][0] < 0.03
         assert table.values["mean of the prior"]["chamfer"][0] > 0.05
 
 
 def test_a_row_does_not_depend_on_which_others_there_are(inverter, data, shapes):
     alone, beside = (
-        evaluate(inverter, split_cases(data, 2), 2, 2, metrics=["chamfer"], random_shapes=some) for some in ([], shapes)
+        evaluate(inverter, split_cases(data, 2), Plan(2, 2, metrics=["chamfer"], random_shapes=some))
+        for some in ([], shapes)
     )
     assert {row: beside.values[row] for row in alone.values} == alone.values
 
 
 def test_a_middle_that_cannot_be_built_is_the_worst_in_every_row(tmp_path, shapes):
     with untrained(write_ball(tmp_path, most=0.4)) as balls:
-        table = evaluate(balls, [case_of(shapes[0]), case_of(shapes[1])], 2, 1, metrics=["chamfer"])
+        table = evaluate(balls, [case_of(shapes[0]), case_of(shapes[1])], Plan(2, 1, metrics=["chamfer"]))
     assert table.failures["mean of the prior"] == 2
     assert table.values["mean of the prior"]["chamfer"] == [chamfer.worst] * 2
 
@@ -142,7 +147,9 @@ def test_what_has_no_choices_has_no_row_of_nothing(tmp_path):
     ball = write_ball(tmp_path, most=0.5)
     build_dataset(ball, tmp_path / "data", COUNT)
     with untrained(ball) as balls:
-        table = evaluate(balls, split_cases(tmp_path / "data", 1), 2, 1, metrics=["choice_accuracy", "parameter_error"])
+        table = evaluate(
+            balls, split_cases(tmp_path / "data", 1), Plan(2, 1, metrics=["choice_accuracy", "parameter_error"])
+        )
     assert set(table.values["estimate"]) == {"parameter_error"}
     json.dumps(table.to_dict(), allow_nan=False)
 

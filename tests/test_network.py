@@ -10,9 +10,9 @@ from torch import Tensor
 
 from dipcg.camera import VIEW_NUMBERS
 from dipcg.config import ModelConfig
-from dipcg.denoiser import Estimator, Outputs, attend
+from dipcg.denoiser import Condition, Estimator, Outputs, attend
 from dipcg.diffusion import denoising_loss, guess_loss, interpolate, prediction_loss, with_view
-from dipcg.encoders import Features
+from dipcg.encoders import Features, build_encoder
 from dipcg.generators import load_generator
 from dipcg.sampling import SAMPLERS, sample
 from dipcg.space import Choice, ParameterSpace
@@ -282,3 +282,33 @@ def test_the_guess_is_not_trained_through_the_denoiser(model, features):
     x = torch.rand(2, dimension(SPACES["box"]))
     denoising_loss(model, model.condition(features), x, torch.ones_like(x, dtype=torch.bool), 0.0).backward()
     assert model.guess.weight.grad is None
+
+
+@pytest.mark.parametrize("first", [0.0, 0.25, 1.0])
+def test_that_share_of_the_draws_is_pure_noise(model, features, monkeypatch, first):
+    """Where the answer is read: random times alone come near to it in one draw of a hundred."""
+    count, seen, denoise = 512, [], model.denoiser.forward
+
+    def watched(x: Tensor, t: Tensor, given: Tensor, condition: Condition):
+        seen.append(t)
+        return denoise(x, t, given, condition)
+
+    monkeypatch.setattr(model.denoiser, "forward", watched)
+    condition = model.condition(Features(*(part[:1] for part in features))).repeat(count)
+    x = torch.rand(count, dimension(SPACES["box"]))
+    denoising_loss(model, condition, x, torch.ones_like(x, dtype=torch.bool), 0.0, first)
+    assert (seen[0] == 0).float().mean() == pytest.approx(first, abs=0.08)
+    assert (seen[0] < 0.1).float().mean() == pytest.approx(first, abs=0.1)
+
+
+@pytest.mark.parametrize(("size", "tokens"), [(64, 16), (128, 64), (192, 144)])
+def test_the_default_encoder_takes_pictures_of_another_size(size, tokens):
+    encoder = build_encoder(ModelConfig(image_size=size, summary=8)).eval()
+    assert encoder.image_size == size
+    assert encoder(torch.rand(1, 3, size, size)).tokens.shape[1] == tokens
+
+
+@pytest.mark.parametrize("size", [0, 100, -16])
+def test_a_size_that_cannot_be_halved_four_times_is_refused(size):
+    with pytest.raises(ValueError, match=f"multiple of 16, got {size}"):
+        build_encoder(ModelConfig(image_size=size))

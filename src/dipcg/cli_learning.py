@@ -183,6 +183,7 @@ def evaluate(
         pictures: folder for the pictures, as NAME.png
         json: file for the table as JSON
     """
+    from dipcg.evaluate import Plan
     from dipcg.evaluate import evaluate as measure
     from dipcg.export import check_target
     from dipcg.pipeline import Inverter
@@ -198,21 +199,10 @@ def evaluate(
         return _foreign(_cases(data, pairs, prefix or generator, count), meshes, pictures, count, metric, json)
     with Inverter.load(generator, workers=2) as inverter:
         cases, done = _cases(data, pairs, prefix or inverter.generator.name, count), counter(1)
-        metrics, turned = list(metric) or None, pairs is not None
         shapes = _random_shapes(inverter, data, nearest_of)
+        plan = Plan(candidates, steps, pairs is not None, metric, rank, refine, shapes)
         with bar("measuring", count) as update:
-            found = measure(
-                inverter,
-                cases,
-                candidates,
-                steps,
-                turned,
-                metrics,
-                lambda case: update(next(done), case.name),
-                rank,
-                refine,
-                shapes,
-            )
+            found = measure(inverter, cases, plan, lambda case: update(next(done), case.name))
     print(f"{table(found)}\n\n{differences(found)}")
     if json:
         json.write_text(jsons.dumps(found.to_dict(), indent=1))

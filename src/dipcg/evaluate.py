@@ -81,43 +81,57 @@ class Answer(NamedTuple):
     mesh: Mesh | None
 
 
+@dataclass(frozen=True)
+class Plan:
+    """What is measured of each picture, and how; the rows of the table follow."""
+
+    candidates: int = 16
+    """of each estimate, the expected one among them"""
+    steps: int | None = None
+    """of the sampler; as many as the checkpoint was made for when None"""
+    quarter_turns: bool = False
+    """compare at the best of four turns about Z, for data with unknown fronts"""
+    metrics: Sequence[str] = ()
+    """their names; all when empty"""
+    ranked: bool = False
+    """build all candidates, and measure the one that ranking puts first and the one nearest to the truth too"""
+    refine_s: float = 0.0
+    """measure what so many seconds of search make of the first as well"""
+    random_shapes: Sequence[Shape] = ()
+    """of which the one nearest to the truth is a row: what a search without a network would find that knew it"""
+
+
 def evaluate(
     inverter: Inverter,
     cases: Iterable[Case],
-    candidates: int = 16,
-    steps: int | None = None,
-    quarter_turns: bool = False,
-    metrics: list[str] | None = None,
+    plan: Plan = Plan(),
     report: Callable[[Case], None] = lambda case: None,
-    ranked: bool = False,
-    refine_s: float = 0,
-    random_shapes: Sequence[Shape] = (),
 ) -> Table:
     """Measure estimates beside what bounds them; a row for each.
 
     The noise floor (the truth, other points of it); a random shape; the mean of the prior, which is the same shape for
-    every picture; of `random_shapes` the one nearest to the truth, which a search without a network would find if it
-    knew the truth; the direct guess; the most central sample; and the estimate.
-
-    With `quarter_turns` an estimate is compared at the best of four turns about Z, for data with unknown fronts. With
-    `ranked` all candidates are built: the one that ranking puts first and the one nearest to the truth are measured
-    too, and with `refine_s` what so many seconds of search make of the first.
+    every picture; the nearest of some random shapes; the direct guess; the most central sample; and the estimate.
     """
-    table = Table([column for name in metrics or registry.names("metrics") for column in load_metric(name).columns])
+    names = plan.metrics or registry.names("metrics")
+    table = Table([column for name in names for column in load_metric(name).columns])
     mean = _built(inverter, "mean of the prior", middle(inverter.generator.space))
     for number, case in enumerate(cases):
-        found = inverter.estimate(case.image, max(2, candidates), steps)
-        answers = [_random(inverter, number), mean, *_nearest(random_shapes, case, quarter_turns)]
-        answers += _estimated(inverter, found, case)
-        if ranked or refine_s:
-            answers += _chosen(found, case, refine_s, quarter_turns)
         if case.mesh is not None:
             table.add("noise floor", _compare(table.metrics, case, case.mesh, None, number, False, inverter))
-        for row, params, mesh in answers:
-            values = _compare(table.metrics, case, mesh, params, number, quarter_turns, inverter)
+        for row, params, mesh in [_random(inverter, number), mean, *_answers(inverter, case, plan)]:
+            values = _compare(table.metrics, case, mesh, params, number, plan.quarter_turns, inverter)
             table.add(row, values, failed=mesh is None)
         report(case)
     return table
+
+
+def _answers(inverter: Inverter, case: Case, plan: Plan) -> Iterator[Answer]:
+    """Those that depend on the picture."""
+    found = inverter.estimate(case.image, max(2, plan.candidates), plan.steps)
+    yield from _nearest(plan.random_shapes, case, plan.quarter_turns)
+    yield from _estimated(inverter, found, case)
+    if plan.ranked or plan.refine_s:
+        yield from _chosen(found, case, plan.refine_s, plan.quarter_turns)
 
 
 def _random(inverter: Inverter, number: int) -> Answer:
