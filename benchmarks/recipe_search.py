@@ -29,8 +29,9 @@ OUT = Path(os.environ.get("DIPCG_BENCH_OUT", "out/search"))
 SMALL = ("--compile", "no")  # which takes a minute before it saves one
 WEAK = ("colour", "background", "crop", "hide", "blur", "noise", "jpeg", "lines", "mask", "edges", "flip")
 PLAIN = tuple(word for name in WEAK for word in (f"--augment.{name}", "0"))
+FIRST = "as it is"
 RUNS: dict[str, tuple[str, ...]] = {
-    "as it is": (),
+    FIRST: (),
     "the same, another seed": ("--seed", "1"),
     "batch 128": ("--batch", "128"),
     "a render used once": ("--repeats", "1"),
@@ -58,11 +59,13 @@ def main() -> None:
         return print("Skipped: set DIPCG_BENCH_DATA to a folder of `dipcg dataset build`.")
     print(f"{machine()}; {MINUTES} minutes of training for each run, {COUNT} pictures of the test split\n")
     header("run", "flags", "pictures", "million weights", "reals of the guess", "CD", "less than as it is by", "pairs")
-    first: list[float] | None = None
+    found: dict[str, dict] = {}
     for name, flags in chosen().items():
-        found = run(name, flags, data)
-        first = first or found["estimate"]
-        row(name, _told(flags), *cells(found, first))
+        found[name] = run(name, flags, data)
+        row(name, _told(flags), *cells(found[name], next(iter(found.values()))["estimate"]))
+    by_shapes = {run["shapes"]: run for name, run in found.items() if name == FIRST or "--shapes" in RUNS[name]}
+    if len(by_shapes) > 1:
+        draw(by_shapes, OUT / "shapes.png")
 
 
 def chosen() -> dict[str, tuple[str, ...]]:
@@ -82,7 +85,7 @@ def run(name: str, flags: tuple[str, ...], data: str) -> dict:
     checkpoint = folder / Store(data).info["generator"]
     card = json.loads((checkpoint / CARD).read_text())
     with Inverter.load(str(checkpoint), workers=2) as inverter:
-        found = measured(inverter, data) | {"pictures": card["pictures"], "validation": card["validation"]}
+        found = measured(inverter, data) | {key: card[key] for key in ("pictures", "shapes", "validation")}
     (folder / "found.json").write_text(json.dumps(found))
     return found
 
@@ -118,6 +121,24 @@ def cells(found: dict, first: list[float]) -> tuple[str, ...]:
         f"{more.mean():.3f} [{low:.3f}, {high:.3f}]" if more.any() else "",
         f"{np.mean(found['pairs']):.3f}" if found["pairs"] else "",
     )
+
+
+def draw(by_shapes: dict[int, dict], path: Path) -> None:
+    """CD of test pictures and of pairs over the number of shapes trained on, this logarithmic."""
+    from matplotlib.figure import Figure
+
+    figure = Figure((5, 3.2), layout="constrained")
+    axes, counts = figure.subplots(), sorted(by_shapes)
+    for key, label in (("estimate", "test split"), ("pairs", "pairs")):
+        values = [np.array(by_shapes[count][key]) for count in counts]
+        if all(len(some) for some in values):
+            low, high = np.array([bootstrap(some) for some in values]).T
+            means = np.array([some.mean() for some in values])
+            axes.errorbar(counts, means, (means - low, high - means), fmt="o-", capsize=3, label=label)
+    axes.set(xscale="log", ylim=(0, None), xlabel="shapes trained on", ylabel="CD")
+    axes.grid(alpha=0.3, which="both")
+    axes.legend()
+    figure.savefig(path, dpi=110)
 
 
 def _told(flags: tuple[str, ...]) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from benchmarks.timing import header, machine, row, seconds
 from dipcg.pipeline import Inverter
+from dipcg.rank import rank
 
 PICTURE = Path(__file__).parent.parent / "examples/images/chair.png"
 
@@ -29,6 +30,12 @@ def main() -> None:
         _row("picture to parameters, 1 candidate", *seconds(lambda: inverter.estimate(PICTURE, candidates=1)))
         _row("picture to parameters, 16 candidates", *seconds(lambda: inverter.estimate(PICTURE, candidates=16)))
         _row("picture to GLB at full detail, warm worker", *seconds(to_glb))
+        with Inverter.load("chair", workers=2) as pair:
+
+            def ranked() -> None:
+                rank(pair.estimate(PICTURE, candidates=16)).build().export(target)
+
+            _row("picture to 16 ranked candidates to the best one's GLB, two warm workers", *seconds(ranked, 5))
         _row("`dipcg estimate` from a cold start", *seconds(cold, 3))
 
 
