@@ -136,7 +136,9 @@ def draw(by_shapes: dict[int, dict], path: Path) -> None:
             means = np.array([some.mean() for some in values])
             axes.errorbar(counts, means, (means - low, high - means), fmt="o-", capsize=3, label=label)
     axes.set(xscale="log", ylim=(0, None), xlabel="shapes trained on", ylabel="CD")
-    axes.grid(alpha=0.3, which="both")
+    axes.set_xticks(counts, [f"{count:,}" for count in counts])
+    axes.minorticks_off()
+    axes.grid(alpha=0.3)
     axes.legend()
     figure.savefig(path, dpi=110)
 
