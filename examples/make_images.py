@@ -1,5 +1,5 @@
 """Make the example pictures with Blender's Cycles: chairs of chosen parameters on a white floor, one as a drawing too,
-and a random asset of each other generator in Infinigen's materials before grey.
+and a random asset of each other generator in Infinigen's materials before blue.
 
 Run with `python examples/make_images.py`, or with names of generators for theirs alone; needs `pip install
 'dipcg[infinigen]'`.
@@ -40,7 +40,7 @@ OTHERS = {
     "flower": (3, View(20, 35, 3.0)), "dandelion": (3, View(10, 6, 3.5)),
 }  # fmt: skip
 SIDE, SAMPLES, COLOURS = 320, 16, 192
-GROUND = 188  # grey behind them
+SKY = np.array([96, 130, 170])  # behind them
 PATIENCE_S = 3600.0  # on a busy machine
 
 
@@ -61,8 +61,8 @@ def photograph_in_materials(blender: Blender, name: str, seed: int, view: View) 
     asked = (mesh, generator.ref, seed, view, SIDE, SAMPLES, MARGIN)
     image = blender.call("_studio:photograph", *asked, timeout_s=PATIENCE_S)
     alpha = image[..., 3:] / 255
-    on_grey = (image[..., :3] * alpha + GROUND * (1 - alpha)).astype(np.uint8)  # white things cannot be cut from white
-    drawn = Image.fromarray(on_grey).quantize(COLOURS)  # half the bytes
+    picture = (image[..., :3] * alpha + SKY * (1 - alpha)).astype(np.uint8)  # white things cannot be cut from white
+    drawn = Image.fromarray(picture).quantize(COLOURS)  # half the bytes
     drawn.save(FOLDER / f"{name}.png", optimize=True)
 
 
