@@ -11,6 +11,7 @@ import pytest
 import trimesh
 
 from dipcg.generators import load_generator
+from dipcg.generators._caps import recapped
 from dipcg.mesh import Mesh, make_mesh, weld
 from dipcg.metrics import chamfer, surface_points
 from dipcg.worker import BuildPool
@@ -139,3 +140,32 @@ def pieces(mesh: Mesh, part: str) -> int:
     welded = weld(mesh)
     faces = welded.faces[welded.parts == mesh.part_names.index(part)]
     return len(trimesh.graph.connected_components(trimesh.graph.face_adjacency(faces), nodes=np.arange(len(faces))))
+
+
+@pytest.mark.parametrize("detail", ["light", "full"])
+def test_tables_are_made_of_closed_solids(pool, detail):
+    many = [TABLE.space.sample(np.random.default_rng(seed)) for seed in range(12)]
+    for params, mesh in zip(many, pool.map(many, detail), strict=True):
+        surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+        surface.merge_vertices(digits_vertex=7)
+        surface.update_faces((surface.faces != np.roll(surface.faces, 1, axis=1)).all(1))
+        assert surface.is_watertight, params
+        assert all(piece.volume > 0 for piece in surface.split()), "faces look outwards"
+
+
+def test_level_ends_take_the_corners_of_the_rim():
+    """A prism whose lids have corners of their own, halfway between those of its wall, with the same area around."""
+    turns = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    ring, between = (np.c_[np.cos(t), np.sin(t)] for t in (turns, turns + np.pi / 12))
+    low, high = (np.c_[ring, np.full(12, z)] for z in (0.0, 1.0))
+    here, there = np.arange(12), np.roll(np.arange(12), -1)
+    wall = np.vstack([np.c_[here, there, there + 12], np.c_[here, there + 12, here + 12]])
+    lids = [np.c_[between, np.full(12, z)] for z in (0.0, 1.0)]
+    fans = [np.c_[np.zeros(10, int), np.arange(1, 11), np.arange(2, 12)] + 24 + 12 * i for i in (0, 1)]
+    vertices = np.vstack([low, high, *lids]).astype(np.float32)
+    faces = np.vstack([wall, fans[0][:, ::-1], fans[1]]).astype(np.int32)
+    assert not trimesh.Trimesh(vertices, faces, process=False).is_watertight
+    _, vertices, faces = recapped(("top", vertices, faces))
+    closed = trimesh.Trimesh(vertices, faces, process=False)
+    assert closed.is_watertight
+    assert closed.volume == pytest.approx(12 / 2 * np.sin(np.pi / 6), rel=1e-5)

@@ -12,6 +12,7 @@ Where the published parameters say nothing or too much, this is what they do her
 - `leg_height` is a factor to the room below the top. Other than 1 it had legs end above or below the floor; here the
   table always stands on it, and `strecher_relative_pos` counts from the top of the real leg, or stretchers would hang
   in the air below short ones. 0 for `strecher_increament` is no stretcher, where Infinigen leaves discs without height.
+- The top's two fills have corners of their own along its rim, with slits between: they are made anew (`_caps.py`).
 - Thick legs would come through a thin top: it is raised until it hides their ends.
 - 1 and 2 of `strecher_increament` both close square frames at the bottom; of four legs they join neighbours, diagonals.
 
@@ -27,6 +28,7 @@ from typing import Any
 import numpy as np
 
 from dipcg.camera import ViewRange
+from dipcg.generators._caps import recapped
 from dipcg.generators._infinigen import (
     Piece,
     evaluated,
@@ -100,7 +102,7 @@ space = ParameterSpace(
 )
 # Turned by 90°, four legs are those of another table, with x and y exchanged: no view of one is to be one of the other.
 views = ViewRange(azimuth_deg=(-45, 45), elevation_deg=(-5, 55))
-needs = ("infinigen", "bpy")
+needs = ("infinigen", "bpy", "manifold3d")
 
 _MODULE = "infinigen.assets.objects.tables.dining_table"
 
@@ -162,7 +164,7 @@ def _pieces(p: Any, light: bool) -> Iterator[Piece]:
     top, legs = prepare()[0], prepare()[1][p["leg_style"]]
     set_inputs(top, _top(p))
     set_node(find_node(graph_of(top), "FILLET_CURVE"), {"Count": 1 if light else 8})
-    piece = read_piece("top", evaluated(top))
+    piece = recapped(read_piece("top", evaluated(top)))
     yield _thinned(piece) if light else piece
     _set_legs(graph_of(legs), p, light)
     for part in ("leg", "stretcher") if _has_stretchers(p) else ("leg",):
