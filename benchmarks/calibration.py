@@ -133,8 +133,9 @@ def report(found: Found) -> None:
     header("what", "should be", "is")
     for level in LEVELS:
         row(f"active reals inside their {100 * level:.0f} % interval", f"{level:.2f}", f"{coverage(found, level):.3f}")
-    row("chance of the likeliest option, mean", f"{np.mean(found.right):.3f}", f"{np.mean(found.chance):.3f}")
-    row("expected calibration error of choices", "0", f"{calibration_error(found):.3f}")
+    if found.chance:  # a flower has no choices
+        row("chance of the likeliest option, mean", f"{np.mean(found.right):.3f}", f"{np.mean(found.chance):.3f}")
+        row("expected calibration error of choices", "0", f"{calibration_error(found):.3f}")
     print(f"\n{len(found.reals)} reals and {len(found.right)} choices of {COUNT} pictures, {SAMPLES} samples each.")
 
 
@@ -151,8 +152,7 @@ def draw(found: Found, path: Path) -> None:
     levels = np.linspace(0, 1, 21)
     middle.plot(levels, [coverage(found, level) for level in levels], "k.-")
     middle.set(xlabel="central interval of the samples", ylabel="share of truths inside", title="coverage of reals")
-    chances, shares, _ = zip(*reliability(found), strict=True)
-    right.plot(chances, shares, "k.-")
+    right.plot(*np.array(reliability(found)).reshape(-1, 3).T[:2], "k.-")
     right.set(xlabel="chance of the likeliest option", ylabel="share right", title="reliability of choices")
     left.axhline(1, color="tab:red")
     for axes in (middle, right):
