@@ -145,11 +145,19 @@ def pieces(mesh: Mesh, part: str) -> int:
 @pytest.mark.parametrize("detail", ["light", "full"])
 def test_tables_are_made_of_closed_solids(pool, detail):
     many = [TABLE.space.sample(np.random.default_rng(seed)) for seed in range(12)]
+    round_corners = {
+        "ngon": 4,
+        "top_profile_fillet_ratio": 0.5037310990793887,
+    }  # where some corners of fill and rim meet
+    size = {"dimension_x": 1.3175588940987344, "dimension_y": 1.995527584840894}
+    many.append(TABLE.space.replace(many[0], round_corners | size))
     for params, mesh in zip(many, pool.map(many, detail), strict=True):
         surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
         surface.merge_vertices(digits_vertex=7)
         surface.update_faces((surface.faces != np.roll(surface.faces, 1, axis=1)).all(1))
-        assert surface.is_watertight, params
+        _, uses = np.unique(surface.edges_sorted, axis=0, return_counts=True)
+        assert uses.min() == 2, params
+        assert surface.is_watertight or detail == "light", "simplification may join two solids along an edge"
         assert all(piece.volume > 0 for piece in surface.split()), "faces look outwards"
 
 

@@ -81,7 +81,8 @@ def convert(
     except KeyError as error:
         raise CheckpointError(f"The weights have no {error}; they are not of the published layout.") from None
     depth = len({name.split(".")[1] for name in weights if name.startswith("blocks.")})
-    config = ModelConfig(encoder, width, depth, heads or max(1, width // HEAD), 0, objective="ddpm", steps=250)
+    heads = heads or max(1, width // HEAD)
+    config = ModelConfig(encoder, width=width, depth=depth, heads=heads, summary=0, objective="ddpm", steps=250)
     network = DiT(len(space), channels, config)
     _check_shapes(weights, network, space)
     network.load_state_dict(weights)

@@ -10,21 +10,19 @@ from collections.abc import Iterator
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from dipcg.generators._infinigen import Piece
 
 SAME = 1e-6  # metres within which two corners are one
-FLAT = 1e-5  # metres of height below which a piece of the surface is flat
+FLAT = 1e-5  # metres from the lowest or highest place within which a face lies in an end
 
 
 def recapped(piece: Piece) -> Piece:
-    """The piece with each level end replaced by one that shares the corners of the ring around it; closed then."""
+    """The piece with its lowest and highest level faces made anew over the rings around them; closed then."""
     part, vertices, faces = _welded(piece)
-    kind = _pieces(len(vertices), faces)[faces[:, 0]]
-    level = [k for k in np.unique(kind) if np.ptp(vertices[faces[kind == k], 2]) < FLAT]
-    rim = faces[~np.isin(kind, level)]
+    height = vertices[faces, 2]
+    level = (height < height.min() + FLAT).all(1) | (height > height.max() - FLAT).all(1)
+    rim = faces[~level]
     caps = [_filled(vertices, ring) for ring in _rings(rim)]
     return part, vertices, np.concatenate([rim, *caps]).astype(faces.dtype)
 
@@ -35,12 +33,6 @@ def _welded(piece: Piece) -> Piece:
     _, first, merged = np.unique(places, axis=0, return_index=True, return_inverse=True)
     faces = merged.reshape(-1)[faces]
     return part, vertices[first], faces[(faces != np.roll(faces, 1, axis=1)).all(1)]
-
-
-def _pieces(count: int, faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, " v"]:
-    """For each corner the number of the connected piece that it belongs to."""
-    a, b = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
-    return connected_components(coo_matrix((np.ones(len(a)), (a, b)), (count, count)), directed=False)[1]
 
 
 def _rings(faces: Int[np.ndarray, "f 3"]) -> Iterator[list[int]]:
