@@ -58,7 +58,7 @@ demo: install
 	@echo "Wrote out/chair.glb (open it in Blender), out/chair.json (its parameters) and out/chair.png (photo and result)."
 
 test: install
-	$(BIN)/python -m pytest -n 2 --dist loadgroup $(ARGS)
+	$(BIN)/python -m pytest -n 2 $(ARGS)
 
 lint: install
 	$(BIN)/ruff check

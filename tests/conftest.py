@@ -14,16 +14,6 @@ from dipcg.worker import BuildPool
 settings.register_profile("steady", deadline=None)  # a loaded machine is no failure
 settings.load_profile("steady")
 
-SHARING = ("test_app", "test_end_to_end", "test_kinds")  # files whose tests share what takes seconds to make
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep tests that share a server, a trained network or data sets in one process (`--dist loadgroup`)."""
-    for item in items:
-        for name in SHARING:
-            if item.path.stem.startswith(name):
-                item.add_marker(pytest.mark.xdist_group(name))
-
 
 @pytest.fixture(scope="session")
 def pretrained(tmp_path_factory) -> dict[str, str]:
