@@ -63,7 +63,7 @@ def main() -> None:
     for name, flags in chosen().items():
         found[name] = run(name, flags, data)
         row(name, _told(flags), *cells(found[name], next(iter(found.values()))["estimate"]))
-    by_shapes = {run["shapes"]: run for name, run in found.items() if name == FIRST or "--shapes" in RUNS[name]}
+    by_shapes = {one["shapes"]: one for name, one in found.items() if name == FIRST or "--shapes" in RUNS[name]}
     if len(by_shapes) > 1:
         draw(by_shapes, OUT / "shapes.png")
 

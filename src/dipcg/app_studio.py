@@ -152,7 +152,6 @@ class Studio:
         self._one.shutdown(wait=True, cancel_futures=True)
         for inverter in self.inverters.values():
             inverter.close()
-        self._readers.clear()
 
     def __enter__(self) -> Studio:
         return self

@@ -16,7 +16,7 @@ from torch import Tensor
 from dipcg.captions import caption
 from dipcg.encoders.sentence import check_text, embed
 from dipcg.generators import Generator, load_generator
-from dipcg.kinds import Kinds, fitted, read_kinds
+from dipcg.kinds import Kinds, among, fitted, read_kinds
 from dipcg.weights import SHIPPED
 
 FILE = SHIPPED / "heard.safetensors"
@@ -27,19 +27,18 @@ NAMELESS = ("one", "thing", "object", "piece", "it", "design", "model")
 AT_ONCE = 100  # sentences that are read together
 
 
-def recognise_text(text: str, among: Collection[str] = ()) -> list[tuple[str, float]]:
+def recognise_text(text: str, names: Collection[str] = ()) -> list[tuple[str, float]]:
     """The generators that ship with the chance that a sentence asks for each, the likeliest first.
 
-    With `among` only those are weighed. Raises ValueError for a text that cannot be used, and when none of them is
+    With `names` only those are weighed. Raises ValueError for a text that cannot be used, and when none of them is
     known.
     """
     heard = read_kinds(FILE).shares(summaries([check_text(text)]))
-    known = [(name, chance) for name, chance in heard if not among or name in among]
+    known = among(heard, names or [name for name, _ in heard])
     if not known:
-        names = ", ".join(name for name, _ in heard)
-        raise ValueError(f"Say which generator is meant: from words alone only {names} can be told apart.")
-    total = sum(chance for _, chance in known)
-    return [(name, chance / total) for name, chance in known]
+        told_apart = ", ".join(name for name, _ in heard)
+        raise ValueError(f"Say which generator is meant: from words alone only {told_apart} can be told apart.")
+    return known
 
 
 def fit(names: Sequence[str], sentences: int = 1500, seed: int = 0) -> Kinds:

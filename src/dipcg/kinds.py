@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,6 +65,13 @@ def read_kinds(path: Path) -> Kinds:
     with safe_open(path, "pt") as file:
         about, weight, bias = file.metadata(), file.get_tensor("weight"), file.get_tensor("bias")
     return Kinds(tuple(json.loads(about["names"])), about["encoder"], weight, bias)
+
+
+def among(chances: Sequence[tuple[str, float]], names: Collection[str]) -> list[tuple[str, float]]:
+    """The chances of these names alone, which sum to 1 again."""
+    known = [(name, chance) for name, chance in chances if name in names]
+    total = sum(chance for _, chance in known)
+    return [(name, chance / total) for name, chance in known]
 
 
 def fingerprint(inverter: Inverter) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 
 from dipcg.generators import load_generator
 from dipcg.images import Source, load_image
-from dipcg.kinds import ENCODER, load_kinds
+from dipcg.kinds import ENCODER, among, load_kinds
 from dipcg.pipeline import Inverter
 from dipcg.rank import rank
 from dipcg.weights import CheckpointError, shipped
@@ -44,9 +44,7 @@ def _at_first_sight(asked: Mapping[str, Inverter], image: Source) -> list[tuple[
     kinds = load_kinds(asked[ENCODER]) if ENCODER in asked else None
     if kinds is None or not asked.keys() <= set(kinds.names):
         return None
-    found = [(name, chance) for name, chance in kinds.chances(asked[ENCODER], image) if name in asked]
-    total = sum(chance for _, chance in found)
-    return [(name, chance / total) for name, chance in found]
+    return among(kinds.chances(asked[ENCODER], image), asked)
 
 
 def recognisable() -> list[str]:
