@@ -16,12 +16,13 @@ import numpy as np
 from benchmarks.timing import header, machine, row, seconds
 from dipcg import store
 from dipcg.camera import View
+from dipcg.cluster import Ray
 from dipcg.codec import decode_mesh, encode_mesh
 from dipcg.generators import load_generator
 from dipcg.images import MARGIN
 from dipcg.mesh import Mesh
 from dipcg.render import Renderer
-from dipcg.store import Progress, build_dataset
+from dipcg.store import Executor, Local, Progress, build_dataset
 from dipcg.worker import BuildPool
 
 CHAIRS, SHARD = int(os.environ.get("DIPCG_BENCH_CHAIRS", "180")), 15
@@ -74,7 +75,7 @@ def main() -> None:
     decode = seconds(lambda: [decode_mesh(one) for one in packed])[0] / len(packed)
     print(f"Decoding: {1 / decode:,.0f} chairs a second on one core.\n")
     header("chairs built by", "a second", "ratio")
-    _compare({"1 worker": {"workers": 1}, "2 workers": {"workers": 2}}, [])
+    _compare({"1 worker": Local(1), "2 workers": Local(2)}, [])
     _compare_nodes()
 
 
@@ -111,10 +112,10 @@ def _render_seconds(meshes: list[Mesh], size: int) -> float:
     return taken
 
 
-def _compare(ways: dict[str, dict], rates: list[float]) -> None:
+def _compare(ways: dict[str, Executor], rates: list[float]) -> None:
     """Build by each way and append its rate; ratios are to the first."""
     store.SHARD = SHARD
-    for name, options in ways.items():
+    for name, executor in ways.items():
         seen: list[tuple[float, int]] = []
 
         def note(progress: Progress, seen: list[tuple[float, int]] = seen) -> None:
@@ -122,7 +123,7 @@ def _compare(ways: dict[str, dict], rates: list[float]) -> None:
                 seen.append((time.perf_counter(), progress.done))
 
         with tempfile.TemporaryDirectory() as folder:
-            build_dataset("chair", folder, CHAIRS, report=note, **options)
+            build_dataset("chair", folder, CHAIRS, executor=executor, report=note)
         (started, first), (ended, last) = seen[0], seen[-1]
         rates.append((last - first) / (ended - started))
         row(name, f"{rates[-1]:.2f}", f"{rates[-1] / rates[0]:.2f}")
@@ -139,7 +140,7 @@ def _compare_nodes() -> None:
         cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 0})
         for _ in range(nodes):
             cluster.add_node(num_cpus=1)
-        _compare({f"{nodes} Ray node(s) of 1 processor": {"executor": "ray", "address": cluster.address}}, rates)
+        _compare({f"{nodes} Ray node(s) of 1 processor": Ray(cluster.address)}, rates)
         ray.shutdown()
         cluster.shutdown()
     return None

@@ -8,6 +8,7 @@ import pytest
 from tests.test_store import rows, write_generator
 
 from dipcg import store
+from dipcg.cluster import Ray
 from dipcg.store import Progress, Store, build_dataset
 from dipcg.worker import BuildError
 
@@ -43,7 +44,7 @@ def test_no_row_is_lost_or_there_twice_when_a_node_is_killed(cluster, tmp_path):
         if len(progress) == 2:
             killer.start()
 
-    failed = build_dataset(slow, tmp_path / "many", COUNT, report=kill_one_node, executor="ray", address=made.address)
+    failed = build_dataset(slow, tmp_path / "many", COUNT, executor=Ray(made.address), report=kill_one_node)
     killer.join()
     until = time.monotonic() + 60
     while len([node for node in ray.nodes() if node["Alive"]]) > 2:  # the head and one node are left
@@ -59,7 +60,7 @@ def test_a_generator_that_cannot_start_on_a_node_says_why(cluster, tmp_path):
     with Path(ref).open("a") as file:
         file.write("def prepare():\n    raise ImportError('no Blender here')\n")
     with pytest.raises(BuildError, match="no Blender here"):
-        build_dataset(ref, tmp_path / "data", 3, executor="ray", address=cluster[0].address)
+        build_dataset(ref, tmp_path / "data", 3, executor=Ray(cluster[0].address))
 
 
 def test_a_cluster_that_does_not_answer_is_told(tmp_path, monkeypatch):
@@ -68,5 +69,5 @@ def test_a_cluster_that_does_not_answer_is_told(tmp_path, monkeypatch):
 
     monkeypatch.setattr(ray, "init", refuse)
     with pytest.raises(RuntimeError, match=r"No Ray cluster answers at '10.0.0.9:6379' \(nobody there\)"):
-        build_dataset("box", tmp_path / "data", 3, executor="ray", address="10.0.0.9:6379")
+        build_dataset("box", tmp_path / "data", 3, executor=Ray("10.0.0.9:6379"))
     assert Store(tmp_path / "data").info["generator"] == "box", "the folder can be filled later"

@@ -18,7 +18,7 @@ import dipcg
 from dipcg import store
 from dipcg.generators import load_generator
 from dipcg.space import params_from_json
-from dipcg.store import SPLITS, Progress, Store, build_dataset, in_split
+from dipcg.store import SPLITS, Local, Progress, Store, build_dataset, in_split
 from dipcg.worker import BuildError, BuildPool
 
 SHARD = 4
@@ -99,7 +99,7 @@ def numbers(folder: Path, split: str) -> list[int]:
 
 def test_rows_depend_on_the_seed_and_not_on_the_workers(tmp_path):
     build_dataset("box", tmp_path / "one", 6, seed=1)
-    build_dataset("box", tmp_path / "two", 6, seed=1, workers=2)
+    build_dataset("box", tmp_path / "two", 6, seed=1, executor=Local(workers=2))
     build_dataset("box", tmp_path / "other", 6, seed=2)
     assert rows(tmp_path / "one").equals(rows(tmp_path / "two"))
     assert not rows(tmp_path / "one").equals(rows(tmp_path / "other"))
@@ -143,7 +143,7 @@ WAYS_TO_FAIL = (
 
 def test_every_kind_of_failure_is_counted_and_can_be_built_again(tmp_path):
     ref = write_generator(tmp_path, WAYS_TO_FAIL)
-    build_dataset(ref, tmp_path / "data", 24, timeout_s=1.0)
+    build_dataset(ref, tmp_path / "data", 24, executor=Local(timeout_s=1.0))
     summary = Store(tmp_path / "data").summary()
     samples = list(Store(tmp_path / "data").samples())
     expected = [why_it_fails(sample.params["size"]) for sample in samples]

@@ -52,14 +52,16 @@ def dataset_build(
         address: of the Ray cluster, as `ray start` prints it; one on this machine when left out
         resume: go on with a folder that already has shards
     """
-    from dipcg.store import build_dataset
+    from dipcg.cluster import Ray
+    from dipcg.store import Local, build_dataset
     from dipcg.terminal import bar
 
     if not resume and any(output.glob("shard-*.parquet")):
         raise ValueError(f"{output} already has shards; choose another folder, or leave out --no-resume.")
+    where = Local(workers, timeout_s) if executor == "local" else Ray(address, timeout_s)
     with bar("building", count) as update:
         report = partial(_report, update, time.perf_counter())
-        failed = build_dataset(generator, output, count, seed, workers, timeout_s, report, drawing, executor, address)
+        failed = build_dataset(generator, output, count, seed, drawing, where, report)
     why = f" `dipcg dataset info {output}` says why." if failed else ""
     print(f"{count - failed} shapes in {output}, {failed} failed.{why}")
 

@@ -7,34 +7,44 @@ again after a node died has the same rows.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 from dipcg.draws import Draws
 from dipcg.shards import build as build_shard
+from dipcg.store import Counts
 from dipcg.worker import BuildError, BuildPool
 
 AHEAD = 2  # shards waiting or being built for each processor of the cluster
 
 
-def on_ray(
-    draws: Draws, todo: list[range], timeout_s: float = 60.0, address: str | None = None
-) -> Iterator[tuple[range, bytes, int]]:
-    """Build shards on a cluster: the numbers, the content and the failures of each, in the order they are ready.
+@dataclass(frozen=True)
+class Ray:
+    """Builds on a cluster: the one at `address`, else the one RAY_ADDRESS names, else one started on this machine."""
 
-    Without an `address` it is the cluster that RAY_ADDRESS names, or one that is started on this machine. Raises
-    ModuleNotFoundError without Ray, RuntimeError when the cluster cannot be reached, and BuildError when a node cannot
-    start its workers.
-    """
-    ray = _connected(address)
-    build = ray.remote(num_cpus=1, max_retries=-1)(_build)
-    waiting, running = list(reversed(todo)), {}
-    while waiting or running:
-        while waiting and len(running) < AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1))):
-            job = waiting.pop()
-            running[build.remote(draws, job, timeout_s)] = job
-        ready, _ = ray.wait(list(running), num_returns=1)
-        yield running.pop(ready[0]), *_fetched(ray, ready[0])
+    address: str | None = None
+    timeout_s: float = 60.0
+
+    def shards(self, draws: Draws, todo: list[range], counts: Counts) -> Iterator[tuple[range, bytes]]:
+        """Build shards, as many at once as the cluster has processors.
+
+        Raises ModuleNotFoundError without Ray, RuntimeError when the cluster cannot be reached, and BuildError when a
+        node cannot start its workers.
+        """
+        if not todo:
+            return
+        ray = _connected(self.address)
+        build = ray.remote(num_cpus=1, max_retries=-1)(_build)
+        waiting, running = list(reversed(todo)), {}
+        while waiting or running:
+            while waiting and len(running) < AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1))):
+                job = waiting.pop()
+                running[build.remote(draws, job, self.timeout_s)] = job
+            ready, _ = ray.wait(list(running), num_returns=1)
+            job, (content, failed) = running.pop(ready[0]), _fetched(ray, ready[0])
+            yield job, content
+            counts.add(len(job), failed)
 
 
 def _build(draws: Draws, job: range, timeout_s: float) -> tuple[bytes, int] | str:

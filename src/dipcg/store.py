@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import pyarrow as pa
@@ -27,7 +27,6 @@ from dipcg.worker import BuildError, BuildPool, Timed
 SHARD = 250
 SPLITS = {"train": (0, 18), "validation": (18, 19), "test": (19, 20)}  # twentieths, by sample number
 BINS = 16  # of a parameter's histogram
-Executor = Literal["local", "ray"]
 
 
 @dataclass(frozen=True)
@@ -41,23 +40,61 @@ class Progress:
     """of those done, built now and not found there"""
 
 
+class Counts:
+    """Counts what is done and tells it."""
+
+    def __init__(self, total: int, report: Callable[[Progress], None], done: int, failed: int) -> None:
+        self.total, self.report, self.found, self.done, self.failed = total, report, done, done, failed
+
+    def add(self, done: int, failed: int) -> None:
+        self.done, self.failed = self.done + done, self.failed + failed
+        self.report(Progress(self.done, self.total, self.failed, self.done - self.found))
+
+    def watch(self, built: Iterable[Timed]) -> Iterator[Timed]:
+        for outcome in built:
+            self.add(1, isinstance(outcome[0], BuildError))
+            yield outcome
+
+
+@runtime_checkable
+class Executor(Protocol):
+    """Where shards are built: `Local`, or `cluster.Ray`."""
+
+    def shards(self, draws: Draws, todo: list[range], counts: Counts) -> Iterator[tuple[range, bytes]]:
+        """The numbers and the content of each shard, in the order in which they are ready; counts what is built."""
+        ...
+
+
+@dataclass(frozen=True)
+class Local:
+    """Builds in processes of this machine."""
+
+    workers: int = 1
+    timeout_s: float = 60.0
+
+    def shards(self, draws: Draws, todo: list[range], counts: Counts) -> Iterator[tuple[range, bytes]]:
+        generator = draws.generator
+        with BuildPool(draws.ref, self.workers, self.timeout_s) as pool:  # one stream: none waits for a shard's end
+            params = chain.from_iterable(draws.params(job) for job in todo)
+            built = counts.watch(pool.timed(params, "light"))
+            for job in todo:
+                yield job, shards.build(generator, draws, job, built)
+
+
 def build_dataset(
     ref: str,
     folder: str | Path,
     count: int,
     seed: int = 0,
-    workers: int = 1,
-    timeout_s: float = 60.0,
-    report: Callable[[Progress], None] = lambda progress: None,
     drawing: Drawing = "uniform",
-    executor: Executor = "local",
-    address: str | None = None,
+    executor: Executor = Local(),
+    report: Callable[[Progress], None] = lambda progress: None,
 ) -> int:
     """Sample `count` parameter sets, build and store them; shards already there are kept. Returns the failures.
 
-    With the executor `ray`, shards are built on a Ray cluster (`address`, or one on this machine) and written here.
-    Raises ValueError when the folder holds other data, or `count` is not positive, OSError when it cannot be written
-    to, and BuildError when no worker can start: that is the fault of no sample.
+    Wherever shards are built, they are written here. Raises ValueError when the folder holds other data, or `count`
+    is not positive, OSError when it cannot be written to, and BuildError when no worker can start: that is the fault
+    of no sample.
     """
     draws, folder = Draws(str(load_generator(ref).ref), seed, drawing), Path(folder)
     if count < 1:
@@ -65,9 +102,8 @@ def build_dataset(
     _claim(folder, draws)
     jobs = [range(first, min(first + SHARD, count)) for first in range(0, count, SHARD)]
     there = [job for job in jobs if _is_complete(_path(folder, job), len(job))]
-    counts = _Counts(count, report, sum(map(len, there)), sum(_failures(_path(folder, job)) for job in there))
-    todo = [job for job in jobs if job not in there]
-    for job, content in _executed(draws, todo, workers, timeout_s, counts, executor, address):
+    counts = Counts(count, report, sum(map(len, there)), sum(_failures(_path(folder, job)) for job in there))
+    for job, content in executor.shards(draws, [job for job in jobs if job not in there], counts):
         shards.write_whole(_path(folder, job), content)
     counts.add(0, 0)
     return counts.failed
@@ -130,53 +166,6 @@ def in_split(number: int, split: str) -> bool:
     """Whether a sample belongs to the split: by its number, so a data set can grow without moving any."""
     low, high = SPLITS[split]
     return low <= number % 20 < high
-
-
-def _executed(
-    draws: Draws,
-    todo: list[range],
-    workers: int,
-    timeout_s: float,
-    counts: _Counts,
-    executor: Executor,
-    address: str | None,
-) -> Iterator[tuple[range, bytes]]:
-    """The missing shards, in the order in which they are ready."""
-    if executor == "local":
-        yield from _locally(draws, todo, workers, timeout_s, counts)
-    elif todo:
-        from dipcg.cluster import on_ray
-
-        for job, content, failed in on_ray(draws, todo, timeout_s, address):
-            yield job, content
-            counts.add(len(job), failed)
-
-
-def _locally(
-    draws: Draws, todo: list[range], workers: int, timeout_s: float, counts: _Counts
-) -> Iterator[tuple[range, bytes]]:
-    generator = draws.generator
-    with BuildPool(draws.ref, workers, timeout_s) as pool:  # one stream of builds: no worker waits for a shard's end
-        params = chain.from_iterable(draws.params(job) for job in todo)
-        built = counts.watch(pool.timed(params, "light"))
-        for job in todo:
-            yield job, shards.build(generator, draws, job, built)
-
-
-class _Counts:
-    """Counts what is done and tells it."""
-
-    def __init__(self, total: int, report: Callable[[Progress], None], done: int, failed: int) -> None:
-        self.total, self.report, self.found, self.done, self.failed = total, report, done, done, failed
-
-    def add(self, done: int, failed: int) -> None:
-        self.done, self.failed = self.done + done, self.failed + failed
-        self.report(Progress(self.done, self.total, self.failed, self.done - self.found))
-
-    def watch(self, built: Iterable[Timed]) -> Iterator[Timed]:
-        for outcome in built:
-            self.add(1, isinstance(outcome[0], BuildError))
-            yield outcome
 
 
 def _path(folder: Path, job: range) -> Path:
