@@ -32,14 +32,15 @@ Phrases = Mapping[str, Mapping[str, Sequence[str]]]
 
 def load_words(generator: Generator) -> tuple[list[str], Phrases]:
     """The nouns for a generator's asset, and the phrases for each parameter."""
-    given = dict(_load_phrases(FOLDER / f"{generator.name}.toml"))
+    given = dict(_load_phrases(generator.name))
     nouns = given.pop("nouns", [generator.name])
     given.pop("only", None)
     return nouns, given or {p.name: _plain_words(p) for p in generator.space}
 
 
 @cache
-def _load_phrases(path: Path) -> dict[str, Any]:
+def _load_phrases(generator: str) -> dict[str, Any]:
+    path = FOLDER / f"{generator}.toml"
     return tomllib.loads(path.read_text()) if path.is_file() else {}
 
 
@@ -63,37 +64,65 @@ def tell(
     generator: Generator, params: Params, rng: np.random.Generator, nouns: Sequence[str] | None = None
 ) -> tuple[str, list[str]]:
     """A caption, and the names of the parameters that it says something about."""
+    noun, parts, names = _chosen(generator, params, rng, nouns)
+    return _with_chatter(noun, parts, rng), names
+
+
+def pieces(generator: Generator, params: Params, rng: np.random.Generator) -> tuple[list[str], list[str]]:
+    """What a caption is made of, noun, phrases and chatter in any order, and the names of the parameters told."""
+    noun, parts, names = _chosen(generator, params, rng)
+    return _shuffled([noun, *parts, *filter(None, _chatter(rng))], rng), names
+
+
+def _chosen(
+    generator: Generator, params: Params, rng: np.random.Generator, nouns: Sequence[str] | None = None
+) -> tuple[str, list[str], list[str]]:
+    """A noun, a random few of the phrases that are true, and the parameters that they are about."""
     own, phrases = load_words(generator)
     space = generator.space
     active = [p for p, on in zip(space, space.active(params), strict=True) if on and _may_be_told(generator, p, params)]
     true = [(p.name, said) for p in active if (said := says(p, params[p.name])) in phrases.get(p.name, ())]
     chosen = [true[i] for i in rng.permutation(len(true))[: rng.integers(1, MOST + 1)]]
-    parts = [str(rng.choice(phrases[name][said])) for name, said in chosen]
-    return _with_chatter(str(rng.choice(nouns or own)), parts, rng), [name for name, _ in chosen]
+    parts = [_one(phrases[name][said], rng) for name, said in chosen]
+    return _one(nouns or own, rng), parts, [name for name, _ in chosen]
 
 
 def _may_be_told(generator: Generator, parameter: Parameter, params: Params) -> bool:
     """Whether the conditions hold that the words file's table `only` sets for phrases about a parameter."""
-    conditions = _load_phrases(FOLDER / f"{generator.name}.toml").get("only", {}).get(parameter.name, {})
+    conditions = _load_phrases(generator.name).get("only", {}).get(parameter.name, {})
     return all(str(params[name]) in options for name, options in conditions.items())
 
 
 def _with_chatter(noun: str, parts: list[str], rng: np.random.Generator) -> str:
-    opening, ending, adjective = (
-        str(rng.choice(chatter)) if chatter and rng.random() < CHATTER else "" for chatter in _load_chatter()
-    )
+    opening, ending, adjective = _chatter(rng)
     said = _sentence(noun, [adjective, *parts] if adjective else parts, rng)
     return " ".join(f"{opening} {said} {ending}".split())
+
+
+def _chatter(rng: np.random.Generator) -> tuple[str, str, str]:
+    """An opening, an ending and an adjective, each of them mostly empty."""
+    opening, ending, adjective = (
+        _one(chatter, rng) if chatter and rng.random() < CHATTER else "" for chatter in _load_chatter()
+    )
+    return opening, ending, adjective
 
 
 def _sentence(noun: str, parts: list[str], rng: np.random.Generator) -> str:
     after = [part for part in parts if part.split()[0] in AFTER]
     before = [part for part in parts if part not in after]
     if rng.random() < 0.3:  # as people type into a search box
-        return ", ".join(rng.permutation([noun, *parts]).tolist())
-    start = " ".join([str(rng.choice(["a", "one", ""])), ", ".join(before), noun])
-    joined = str(rng.choice([" and ", ", ", " "])).join(after)
+        return ", ".join(_shuffled([noun, *parts], rng))
+    start = " ".join([_one(["a", "one", ""], rng), ", ".join(before), noun])
+    joined = _one([" and ", ", ", " "], rng).join(after)
     return " ".join(f"{start} {joined}".split())
+
+
+def _one(options: Sequence[str], rng: np.random.Generator) -> str:
+    return options[int(rng.integers(len(options)))]  # `choice` would make an array of them each time
+
+
+def _shuffled(words: list[str], rng: np.random.Generator) -> list[str]:
+    return [words[i] for i in rng.permutation(len(words))]
 
 
 @cache

@@ -19,6 +19,7 @@ from dipcg.config import ModelConfig
 from dipcg.encoders import Features
 
 LENGTH, CHANNELS = 96, 384  # tokens a sentence is cut or filled up to, and numbers in each
+TOGETHER = 32  # sentences read at once
 QUESTIONS, NARROW = 48, 64  # that the summary puts to the tokens, and numbers in each answer
 PIECES = 2.05  # tokens a word: misspelt English stays below, most other languages do not
 
@@ -53,10 +54,12 @@ def embed(sentences: Sequence[str], precision: torch.dtype = torch.float32) -> F
     """The frozen network's tokens of each sentence, zero where it has ended; what is longer than `LENGTH` is cut."""
     tokenizer, network = _pretrained(precision)
     read = tokenizer(list(sentences), padding="max_length", truncation=True, max_length=LENGTH, return_tensors="pt")
-    used = int(read["attention_mask"].sum(1).max())  # the rest is zero for all
-    found = network(**{key: value[:, :used] for key, value in read.items()}).last_hidden_state
+    lengths = read["attention_mask"].sum(1)
     words = torch.zeros(len(sentences), LENGTH, CHANNELS)
-    words[:, :used] = found * read["attention_mask"][:, :used, None]
+    for alike in lengths.argsort().split(TOGETHER):  # of like length, since the network works through what is empty
+        used = int(lengths[alike].max())
+        part = {key: value[alike, :used] for key, value in read.items()}
+        words[alike, :used] = (network(**part).last_hidden_state * part["attention_mask"][..., None]).float()
     return words
 
 
