@@ -2,21 +2,38 @@
 
 `DIPCG_BENCH_SETS` names folders of `dipcg dataset build`, with `:` between them; the checkpoints are those that ship.
 Each generator's misfits of its own pictures are set against those of the others', as the area under the ROC curve.
+Then how many pictures are doubted, by misfit or at first sight. `DIPCG_BENCH_PICTURES` may name folders, with `:`
+between them, of other pictures whose names begin with what they show.
 """
 
 import os
 from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from benchmarks.timing import header, machine, row
 from dipcg.evaluate import split_cases
+from dipcg.images import Source
 from dipcg.pipeline import Inverter
-from dipcg.rank import STRANGE, rank
-from dipcg.recognise import TRIED, recognisable
+from dipcg.rank import rank, warning
+from dipcg.recognise import TRIED, doubt, recognisable
 from dipcg.store import Store
 
 COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "20"))
+OF = " of "  # between what pictures show and the folder they are from
+
+
+class Look(NamedTuple):
+    """A picture tried with one generator: the misfit, and whether it is doubted, and for its misfit alone."""
+
+    misfit: float
+    doubted: bool
+    strange: bool
+
+
+Looked = dict[str, dict[str, list[Look]]]  # of a generator at what is shown
 
 
 def main() -> None:
@@ -24,38 +41,61 @@ def main() -> None:
     if not folders[0]:
         return print("Skipped: set DIPCG_BENCH_SETS to folders of `dipcg dataset build`, with `:` between them.")
     print(f"{machine()}, {COUNT} pictures of each test split\n")
-    shown = {Store(folder).info["generator"]: folder for folder in folders}
-    misfits = {name: tried(name, shown) for name in recognisable()}
-    names = list(misfits)
+    shown = pictures(folders, os.environ.get("DIPCG_BENCH_PICTURES", "").split(":"))
+    looked = {name: tried(name, shown) for name in recognisable()}
+    print_recognised(looked, list(shown))
+    print()
+    print_doubted(looked)
+    return None
+
+
+def pictures(sets: Sequence[str], folders: Sequence[str]) -> dict[str, list[Source]]:
+    """By what they show, or that and the folder they are from."""
+    found: dict[str, list[Source]] = {}
+    for folder in sets:
+        found[Store(folder).info["generator"]] = [case.image for case in split_cases(folder, COUNT)]
+    for folder in filter(None, folders):
+        for path in sorted(Path(folder).glob("*.png")):
+            found.setdefault(path.stem.split("_")[0] + OF + Path(folder).name, []).append(path)
+    return found
+
+
+def print_recognised(looked: Looked, shown: Sequence[str]) -> None:
+    names = list(looked)
     header("pictures of", "recognised", *(f"mean misfit of {name}" for name in names))
     for of in shown:
-        table = np.array([misfits[name][of] for name in names])
-        right = f"{100 * (table.argmin(0) == names.index(of)).mean():.0f} %" if of in names else ""
+        table = np.array([[look.misfit for look in looked[name][of]] for name in names])
+        truth = of.split(OF)[0]
+        right = f"{100 * (table.argmin(0) == names.index(truth)).mean():.0f} %" if truth in names else ""
         row(of, right, *(f"{value:.3f}" for value in table.mean(1)))
-    print()
-    header("generator", "area under the curve", f"own pictures with misfit under {STRANGE:g}", "others over it")
-    for name, found in misfits.items():
-        others = [value for of, values in found.items() if of != name for value in values]
-        if others and name in found:
-            own = np.array(found[name])
-            row(
-                name,
-                f"{area(own, others):.3f}",
-                f"{(own <= STRANGE).mean():.2f}",
-                f"{np.mean(np.array(others) > STRANGE):.2f}",
-            )
 
 
-def tried(name: str, shown: dict[str, str]) -> dict[str, list[float]]:
-    """The misfits of one generator for the pictures of every data set."""
+def print_doubted(looked: Looked) -> None:
+    header("generator", "area under the curve", "own pictures doubted", "others doubted", "others doubted by misfit")
+    for name, found in looked.items():
+        own = [look for of, looks in found.items() if of.split(OF)[0] == name for look in looks]
+        others = [look for of, looks in found.items() if of.split(OF)[0] != name for look in looks]
+        if others and own:
+            shares = (share(own, "doubted"), share(others, "doubted"), share(others, "strange"))
+            row(name, f"{area([look.misfit for look in own], [look.misfit for look in others]):.3f}", *shares)
+
+
+def share(looks: Sequence[Look], what: str) -> str:
+    """Of the looks, and how many they are."""
+    return f"{np.mean([getattr(look, what) for look in looks]):.1%} of {len(looks)}"
+
+
+def tried(name: str, shown: dict[str, list[Source]]) -> dict[str, list[Look]]:
+    """The looks of one generator at the pictures of every set."""
     with Inverter.load(name, workers=2) as inverter:
-        return {of: [misfit(inverter, case.image) for case in split_cases(shown[of], COUNT)] for of in shown}
+        return {of: [look(inverter, picture) for picture in pictures] for of, pictures in shown.items()}
 
 
-def misfit(inverter: Inverter, image: object) -> float:
-    """What it is after ranking as few candidates as recognising does; 1 when nothing can be built."""
-    found = rank(inverter.estimate(image, TRIED)).misfit  # type: ignore[arg-type]
-    return 1.0 if found is None else found
+def look(inverter: Inverter, picture: Source) -> Look:
+    """After ranking as few candidates as recognising does; the misfit is 1 when nothing can be built."""
+    found = rank(inverter.estimate(picture, TRIED))
+    misfit = 1.0 if found.misfit is None else found.misfit
+    return Look(misfit, doubt(found) is not None, warning(found) is not None)
 
 
 def area(own: Sequence[float] | np.ndarray, others: Sequence[float]) -> float:

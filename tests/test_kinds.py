@@ -10,7 +10,7 @@ from boxes import untrained
 from dipcg.checkpoint import load_checkpoint
 from dipcg.kinds import ENCODER, fingerprint, fit, load_kinds, summaries
 from dipcg.pipeline import Inverter
-from dipcg.recognise import recognise
+from dipcg.recognise import doubt, recognise
 from dipcg.store import build_dataset
 from dipcg.weights import find_checkpoint, shipped
 
@@ -73,3 +73,18 @@ def test_each_example_is_recognised_without_a_build(name, monkeypatch):
     found = recognise(EXAMPLES / f"{name}.png", inverters)
     assert found[0][0] == name
     assert np.isclose(sum(chance for _, chance in found), 1)
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_a_picture_of_another_kind_is_doubted_without_a_build_and_its_own_is_not(name):
+    with Inverter(*load_checkpoint(find_checkpoint(name))[:2]) as inverter:
+        assert doubt(inverter.estimate(EXAMPLES / f"{name}.png", 1)) is None
+        for other in {*shipped()} - {name, "vase"}:  # the vase could be a flower at first sight
+            found = doubt(inverter.estimate(EXAMPLES / f"{other}.png", 1))
+            assert found is not None
+            assert f"try '{other}'" in found
+
+
+def test_a_generator_that_the_classifier_does_not_know_is_not_doubted():
+    with untrained("box") as inverter:
+        assert doubt(inverter.estimate(EXAMPLES / "vase.png", 1)) is None

@@ -24,7 +24,7 @@ from dipcg.export import FORMATS, NEEDS
 from dipcg.generators import Detail
 from dipcg.images import Source, crop_to_object, cut_out, load_image
 from dipcg.pipeline import Estimate
-from dipcg.rank import warning
+from dipcg.recognise import doubt
 
 KEPT_S = 3600.0  # seconds that a written file stays
 PARAMETERS = ".json"
@@ -67,8 +67,8 @@ def told(found: Estimate, likely: list[tuple[str, float]]) -> str:
     which = f"Recognised as {name} ({100 * chance:.0f} % sure). " if len(likely) > 1 else ""
     count = len(found.candidates)
     many = f"{count} different candidates, the likeliest first." if count > 1 else "All candidates are alike."
-    doubt = warning(found)
-    return which + (f"Careful: {doubt}" if doubt else many)
+    careful = doubt(found)
+    return which + (f"Careful: {careful}" if careful else many)
 
 
 def view_of(studio: Studio, work: Work) -> dict[str, Any] | None:
@@ -145,6 +145,7 @@ def _answer(likely: list[tuple[str, float]], found: Estimate) -> dict[str, Any]:
         "spread": found.spread,
         "chances": {name: {str(o): share for o, share in shares.items()} for name, shares in found.chances.items()},
         "misfit": found.misfit,
+        "doubt": doubt(found),
     }
 
 

@@ -267,6 +267,8 @@ def _tell(image: Path, found: Estimate, chances: dict[str, float], targets: Targ
 
 
 def _as_json(found: Estimate, chances: dict[str, float]) -> dict[str, Any]:
+    from dipcg.recognise import doubt
+
     candidates = [{"params": c.params, "view": asdict(c.view), "agreement": c.agreement} for c in found.candidates]
     return {
         "generator": found.inverter.generator.name,
@@ -275,14 +277,15 @@ def _as_json(found: Estimate, chances: dict[str, float]) -> dict[str, Any]:
         "spread": found.spread,
         "chances": found.chances,
         "misfit": found.misfit,
+        "doubt": doubt(found),
         "trace": [step._asdict() for step in found.trace],
     }
 
 
 def _warn(image: Path, found: Estimate) -> None:
-    from dipcg.rank import warning
+    from dipcg.recognise import doubt
 
-    sentence = warning(found)
+    sentence = doubt(found)
     if sentence:
         print(f"{image}: {sentence}", file=sys.stderr)
 

@@ -8,17 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack
+from functools import cache
 
 import numpy as np
 
 from dipcg.generators import load_generator
 from dipcg.images import Source, load_image
-from dipcg.kinds import ENCODER, among, load_kinds
-from dipcg.pipeline import Inverter
-from dipcg.rank import rank
+from dipcg.kinds import ENCODER, Kinds, among, load_kinds
+from dipcg.pipeline import Estimate, Inverter
+from dipcg.rank import rank, warning
 from dipcg.weights import CheckpointError, shipped
 
 TRIED = 4  # candidates of each generator
+SURE, UNLIKELY = 0.8, 0.05  # chances of another generator and of the one asked, from which there is a doubt
 TEMPERATURE = 0.03  # of agreement: what makes one generator e times as likely as another; see docs/results.md
 
 
@@ -56,6 +58,35 @@ def recognisable() -> list[str]:
             "run `dipcg doctor`, or name a folder with a checkpoint with -g."
         )
     return names
+
+
+def doubt(estimate: Estimate) -> str | None:
+    """A sentence when a picture seems to show nothing that the generator makes: by its misfit, or at first sight."""
+    return warning(estimate) or _looks_like_another(estimate)
+
+
+def _looks_like_another(estimate: Estimate) -> str | None:
+    classifier = None if estimate.background == "words" else _classifier()
+    ours = estimate.inverter.generator.name
+    if classifier is None or ours not in classifier[0].names:
+        return None
+    kinds, inverter = classifier
+    seen = kinds.chances(inverter, estimate.image)
+    likeliest, chance = seen[0]
+    if chance < SURE or dict(seen)[ours] > UNLIKELY:
+        return None
+    return f"it looks more like a {likeliest} ({100 * chance:.0f} %) than a {ours}; try {likeliest!r}."
+
+
+@cache
+def _classifier() -> tuple[Kinds, Inverter] | None:
+    """The classifier that ships with the estimator whose encoder it needs, if they are there and fit."""
+    try:
+        inverter = Inverter.load(ENCODER)
+    except (LookupError, CheckpointError):
+        return None
+    kinds = load_kinds(inverter)
+    return (kinds, inverter) if kinds else None
 
 
 def chances(agreements: Mapping[str, float]) -> list[tuple[str, float]]:
