@@ -5,7 +5,7 @@ import sys
 
 NAMES = ("render", "builds", "holes", "sustained", "speed", "training", "accuracy", "visitors")
 NAMES += ("recipe_speed", "versus", "ablation")
-NAMES += ("calibration", "choosing", "recognition")
+NAMES += ("calibration", "choosing", "recognition", "oracle")
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or NAMES:

@@ -8,16 +8,14 @@ DIPCG_BENCH_OUT (out/ablation) the checkpoints; a recipe whose training was kill
 
 import os
 import shlex
-import subprocess
-import sys
 from itertools import islice
 from pathlib import Path
 
 from benchmarks.timing import header, machine, row
+from benchmarks.trained import train
 from dipcg.evaluate import Plan, evaluate, pair_cases, split_cases
 from dipcg.pipeline import Inverter
 from dipcg.recipes import RECIPES, find_recipe
-from dipcg.store import Store
 from dipcg.tables import Table
 
 MINUTES = os.environ.get("DIPCG_BENCH_MINUTES", "60")
@@ -38,21 +36,13 @@ def main() -> None:
     header("recipe", "million weights", "CD", "EMD", "F", "published CD", "EMD", "F")
     for name in NAMES:
         recipe = find_recipe(name)
-        folder = _train(name, data)
+        folder = train(data, OUT / name, "--recipe", name, "--minutes", MINUTES, *FLAGS)
         with Inverter.load(str(folder), workers=2) as inverter:
             found = _measure(inverter, data)
             weights = sum(weight.numel() for weight in inverter.model.denoiser.parameters())
         ours = [f"{found.mean('estimate', column):.3f}" for column in COLUMNS]
         theirs = [f"{value:.3f}" for value in recipe.published] if recipe.published else [""] * 3
         row(name, f"{weights / 1e6:.1f}", *ours, *theirs)
-
-
-def _train(name: str, data: str) -> Path:
-    """In a process of its own: training forks, which OpenGL survives only unused."""
-    words = ["train", Store(data).info["ref"], "--recipe", name, "--data", data, "-o", str(OUT / name)]
-    command = [sys.executable, "-m", "dipcg.cli", *words, "--minutes", MINUTES, *FLAGS]
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    return OUT / name / Store(data).info["generator"]
 
 
 def _measure(inverter: Inverter, data: str) -> Table:

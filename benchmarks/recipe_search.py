@@ -7,17 +7,15 @@ DIPCG_BENCH_OUT (out/search) the checkpoints and what was measured; what is ther
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.timing import header, machine, row
+from benchmarks.trained import train
 from dipcg.evaluate import Case, distance, pair_cases, split_cases
 from dipcg.metrics import load_metric
 from dipcg.pipeline import Inverter
-from dipcg.store import Store
 from dipcg.tables import bootstrap
 from dipcg.weights import CARD
 
@@ -79,10 +77,7 @@ def run(name: str, flags: tuple[str, ...], data: str) -> dict:
     folder = OUT / name.replace(" ", "-")
     if (folder / "found.json").is_file():
         return json.loads((folder / "found.json").read_text())
-    words = [sys.executable, "-m", "dipcg", "train", Store(data).info["ref"], "--data", data, "-o", str(folder)]
-    words += ["--minutes", MINUTES, *SMALL, *flags]
-    subprocess.run(words, check=True, stdout=subprocess.DEVNULL)  # in a process of its own, since training forks
-    checkpoint = folder / Store(data).info["generator"]
+    checkpoint = train(data, folder, "--minutes", MINUTES, *SMALL, *flags)
     card = json.loads((checkpoint / CARD).read_text())
     with Inverter.load(str(checkpoint), workers=2) as inverter:
         found = measured(inverter, data) | {key: card[key] for key in ("pictures", "shapes", "validation")}

@@ -2,8 +2,8 @@
 
 Set DIPCG_BENCH_DATA to a folder of `dipcg dataset build`. DIPCG_BENCH_SHAPES (50) pictures of its test split,
 DIPCG_BENCH_CALLS (1000) calls of the generator for each search, DIPCG_BENCH_CHECKPOINT (chair), DIPCG_BENCH_OUT (out)
-for the plot and the numbers, DIPCG_BENCH_MESHES a list NAME=FOLDER of what other tools made of the same pictures
-(`dipcg evaluate --pictures` writes them).
+for the plot and the numbers, DIPCG_BENCH_METHODS (all) names of methods with `;` between them, DIPCG_BENCH_MESHES a
+list NAME=FOLDER of what other tools made of the same pictures (`dipcg evaluate --pictures` writes them).
 """
 
 import json
@@ -36,9 +36,11 @@ CALLS = int(os.environ.get("DIPCG_BENCH_CALLS", "1000"))
 CHECKPOINT = os.environ.get("DIPCG_BENCH_CHECKPOINT", "chair")
 OUT = Path(os.environ.get("DIPCG_BENCH_OUT", "out"))
 METRICS = [load_metric(name) for name in ("chamfer", "emd", "fscore")]
+METHODS = [name for name in os.environ.get("DIPCG_BENCH_METHODS", "").split(";") if name]
 CHAINS = 4
 
 Answer = tuple[str, Params, int, float]  # which row, what was found, calls of the generator, seconds until then
+Method = Callable[[Case], Iterator[Answer]]
 
 
 @dataclass
@@ -76,17 +78,17 @@ def main() -> None:
     _tell(rows)
 
 
-def _methods(inverter: Inverter, neighbours: Neighbours, number: int) -> list[Callable[[Case], Iterator[Answer]]]:
+def _methods(inverter: Inverter, neighbours: Neighbours, number: int) -> list[Method]:
     """The methods; each gives what it found with the calls and the seconds it took, searches at several moments."""
 
-    def once(name: str, find: Callable[[Case], Params], calls: int) -> Callable[[Case], Iterator[Answer]]:
+    def once(name: str, find: Callable[[Case], Params], calls: int) -> tuple[str, Method]:
         def work(case: Case) -> Iterator[Answer]:
             began = time.perf_counter()
             yield name, find(case), calls, time.perf_counter() - began
 
-        return work
+        return name, work
 
-    def searching(name: str, method: str, estimated: bool) -> Callable[[Case], Iterator[Answer]]:
+    def searching(name: str, method: str, estimated: bool) -> tuple[str, Method]:
         def work(case: Case) -> Iterator[Answer]:
             began, rng = time.perf_counter(), np.random.default_rng(number)
             objective = _objective(inverter, case)
@@ -98,9 +100,9 @@ def _methods(inverter: Inverter, neighbours: Neighbours, number: int) -> list[Ca
                     yield f"{name}, {tried.call:,} calls", found, tried.call, time.perf_counter() - began
             objective.renderer.close()
 
-        return work
+        return name, work
 
-    return [
+    every = [
         once("a random one", lambda case: inverter.generator.space.sample(np.random.default_rng(number)), 0),
         once(f"nearest neighbour of {neighbours.count}", lambda case: neighbours.find(case.image).params, 0),
         once("direct regression", lambda case: inverter.guess(case.image).params, 0),
@@ -111,6 +113,7 @@ def _methods(inverter: Inverter, neighbours: Neighbours, number: int) -> list[Ca
         searching("MCMC", "mcmc", False),
         searching("MCMC from the estimate", "mcmc", True),
     ]
+    return [work for name, work in every if not METHODS or name in METHODS]
 
 
 def _objective(inverter: Inverter, case: Case) -> Objective:
