@@ -20,6 +20,7 @@ from dipcg.denoiser import Denoiser, Outputs
 from dipcg.dit import DiT
 from dipcg.encoders import Features
 from dipcg.generators import load_generator
+from dipcg.pipeline import EXPECTED_OVER
 from dipcg.recipes import RECIPES
 
 SPACE = load_generator("chair").space
@@ -44,7 +45,9 @@ def main() -> None:
         ("published, keys and values once", published, lambda n: _published(published, n, every_step=False)),
         ("ours at the same size, 16 steps", same_size, lambda n: _ours(same_size, n, 16)),
         ("ours at the same size, 10 steps", same_size, lambda n: _ours(same_size, n, 10)),
+        ("ours at the same size, the expectation", same_size, lambda n: _ours(same_size, n * EXPECTED_OVER, 1)),
         ("ours as shipped (4 blocks), 10 steps", shipped, lambda n: _ours(shipped, n, 10)),
+        ("ours as shipped, the expectation", shipped, lambda n: _ours(shipped, n * EXPECTED_OVER, 1)),
     ]
     header("sampling", "million weights", "wall s", "core s", "fewer core s")
     first = 0.0

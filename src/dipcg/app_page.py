@@ -53,19 +53,21 @@ class Page:
 
     def _picture_side(self) -> None:
         with gr.Tabs():
-            with gr.Tab("Picture"):
+            with gr.Tab("Picture") as picture:
                 self.picture = uploaded(
                     label="Photo, drawing or mask", sources=["upload", "clipboard", "webcam"], height=260,
                     show_label=False, elem_id="picture",
                 )  # fmt: skip
-            with gr.Tab("Draw"):
+            with gr.Tab("Draw") as drawing:
                 self.sketch = _scripted("sketch", "sketch", "Draw the outline and the main edges.")
-            with gr.Tab("Words"):
+            with gr.Tab("Words") as words:
                 self.words = gr.Textbox(
                     label="What it is like, in English", placeholder="a tall bar chair with arms and a slatted back",
                     lines=3, max_length=MOST_LETTERS, elem_id="words",
                 )  # fmt: skip
                 self.use_words = gr.Button("Make it", variant="primary", elem_id="use-words")
+        for tab, asked in ((picture, "picture"), (drawing, "picture"), (words, "words")):
+            tab.select(None, js=f"() => {{ document.body.dataset.asked = '{asked}' }}", api_visibility="private")
         self.offered = _scripted("strip", "examples", "Or start from one of these:" if self.examples else "")
         self.offered.value = self._offered()
         names = [(CHOOSE, ""), *((name, name) for name in self.names)]
@@ -78,7 +80,7 @@ class Page:
             elem_id="cut-out",
         )  # fmt: skip
         self.how_cut = gr.Markdown(elem_id="how-cut")
-        with gr.Accordion("Correct the cut-out", open=False, visible=False) as self.correcting:
+        with gr.Accordion("Correct the cut-out", open=False, visible=False, elem_id="correcting") as self.correcting:
             with gr.Row(elem_id="crop"):
                 self.crop = [gr.Slider(0, 90, 0, step=1, label=f"Crop {side}, %", min_width=120) for side in SIDES]
             self.how = gr.Radio(list(HOWS), value="automatic", label="Cut out")
