@@ -6,8 +6,9 @@ import torch
 from PIL import Image
 
 from dipcg import registry
-from dipcg.captions import FOLDER, caption, load_words, says
+from dipcg.captions import FOLDER, MOST, caption, load_words, says
 from dipcg.cli import main
+from dipcg.dataset import Shapes
 from dipcg.generators import load_generator
 from dipcg.pipeline import Inverter
 from dipcg.space import Choice
@@ -78,6 +79,41 @@ def test_tokens_do_not_depend_on_the_other_sentences_and_are_zero_after_the_end(
     assert (alone[0, length:] == 0).all()
     assert alone[0, :length].abs().sum(1).min() > 1
     assert sentence.embed(["chair " * 500]).shape == (1, sentence.LENGTH, sentence.CHANNELS)
+
+
+# What training sees
+
+
+def test_phrases_read_alone_are_put_one_after_the_other():
+    pytest.importorskip("transformers")
+    from dipcg.telling import Phrases
+
+    read = Phrases()
+    both, one = read([["a chair", "with arms"], ["with arms"]])
+    length = int((one.abs().sum(1) > 0).sum())
+    before = int((both.abs().sum(1) > 0).sum()) - length
+    assert length == 2, "without the marks of a sentence's ends"
+    torch.testing.assert_close(both[before : before + length], one[:length])
+    assert (both[before + length :] == 0).all()
+    assert read([["a chair"] * 100]).shape == read([["a chair"]]).shape, "what is too long is cut"
+
+
+@pytest.mark.parametrize("batch", [1, 8])
+def test_a_batch_of_sentences_asks_for_what_is_said_of_shapes_that_are_there(batch):
+    pytest.importorskip("transformers")
+    from dipcg.encoders.sentence import CHANNELS, LENGTH
+    from dipcg.telling import UNSAID, Sentences
+
+    chair, rng = load_generator("chair"), np.random.default_rng(0)
+    many = [chair.space.sample(rng) for _ in range(5)]
+    x, active = (np.stack([of(params) for params in many]) for of in (chair.space.encode, chair.space.active))
+    told = next(iter(Sentences(chair, Shapes([b""] * 5, x.astype(np.float32), active), batch)))
+    assert told.images.shape == (batch, LENGTH, CHANNELS)
+    for row, wanted in zip(told.x[:, : len(chair.space)].numpy(), told.active.numpy(), strict=True):
+        shape = int(np.abs(x - row).sum(1).argmin())
+        np.testing.assert_allclose(row, x[shape], atol=1e-6)
+        assert not (wanted & ~active[shape]).any(), "nobody asks for what does nothing"
+        assert wanted.sum() <= MOST + 5 * UNSAID * active[shape].sum()
 
 
 # The checkpoints that ship

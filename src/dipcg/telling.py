@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int64
 from torch import Tensor
 from torch.utils.data import IterableDataset, get_worker_info
 
@@ -49,21 +49,25 @@ class Sentences(IterableDataset):
 
     def _tell(self, count: int, rng: np.random.Generator) -> Batch:
         """Whole sentences."""
-        numbers = rng.integers(len(self.shapes.x), size=count)
-        told = [tell(self.generator, self._params(i), rng) for i in numbers]
+        numbers, many = self._draw(count, rng)
+        told = [tell(self.generator, params, rng) for params in many]
         words = embed([sentence for sentence, _ in told], torch.bfloat16)
         return self._batch(numbers, words, [names for _, names in told], rng)
 
     def _compose(self, count: int, rng: np.random.Generator) -> Batch:
         """Phrases one after the other."""
-        numbers = rng.integers(len(self.shapes.x), size=count)
-        told = [pieces(self.generator, self._params(i), rng) for i in numbers]
+        numbers, many = self._draw(count, rng)
+        told = [pieces(self.generator, params, rng) for params in many]
         return self._batch(numbers, self._read([phrases for phrases, _ in told]), [names for _, names in told], rng)
 
-    def _params(self, number: int) -> Params:
-        return self.generator.space.decode(self.shapes.x[number].astype(float))
+    def _draw(self, count: int, rng: np.random.Generator) -> tuple[Int64[np.ndarray, " n"], list[Params]]:
+        """Numbers of some shapes, and their parameters."""
+        numbers = rng.integers(len(self.shapes.x), size=count)
+        return numbers, [self.generator.space.decode(x.astype(float)) for x in self.shapes.x[numbers]]
 
-    def _batch(self, numbers: np.ndarray, words: Tensor, names: list[list[str]], rng: np.random.Generator) -> Batch:
+    def _batch(
+        self, numbers: Int64[np.ndarray, " n"], words: Tensor, names: list[list[str]], rng: np.random.Generator
+    ) -> Batch:
         every = self.generator.space.names
         said = np.array([name in told for told in names for name in every], bool).reshape(len(names), len(every))
         wanted = self.shapes.active[numbers] & (said | (rng.random(said.shape) < UNSAID))
