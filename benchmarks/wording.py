@@ -72,11 +72,10 @@ def true(inverter: Inverter) -> list[str]:
     right: dict[bool, list[bool]] = {True: [], False: []}
     for params, (_, names), x in zip(many, told, guessed, strict=True):
         found = generator.space.decode(x[: len(generator.space)])
-        for parameter in (generator.space[name] for name in names):
-            so = captions.says(parameter, params[parameter.name]), found[parameter.name]
-            right[isinstance(parameter, Choice)].append(
-                generator.space.is_active(parameter.name, found) and _so(parameter, *so)
-            )
+        for name in names:
+            parameter = generator.space[name]
+            so = _is_so(parameter, captions.says(parameter, params[name]), found[name])
+            right[isinstance(parameter, Choice)].append(so and generator.space.is_active(name, found))
     return [f"{np.mean(right[kind]):.0%} of {len(right[kind])}" if right[kind] else "" for kind in (True, False)]
 
 
