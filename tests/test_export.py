@@ -123,6 +123,20 @@ def test_normals_are_smooth_where_vertices_share_a_place_but_not_a_number():
     np.testing.assert_allclose(corner_normals(mesh), sphere.triangles, atol=0.01)
 
 
+@pytest.mark.parametrize("crease_deg", [5.0, 35.0, 120.0])
+def test_normals_are_means_by_area_over_the_faces_that_turn_less_than_the_crease(crease_deg):
+    """Corner by corner, on a solid that is smooth in places and creased in others."""
+    drum = trimesh.creation.cylinder(0.5, 1.0, sections=12)
+    drum.vertices += np.random.default_rng(0).normal(0, 0.02, drum.vertices.shape)
+    cross = np.cross(*(drum.triangles[:, i] - drum.triangles[:, 0] for i in (1, 2)))
+    around = [[(drum.faces == vertex).any(1) for vertex in face] for face in drum.faces]
+    near = drum.face_normals @ drum.face_normals.T > np.cos(np.radians(crease_deg))
+    means = np.array([[cross[meeting & near[i]].sum(0) for meeting in row] for i, row in enumerate(around)])
+    expected = means / np.linalg.norm(means, axis=2, keepdims=True)
+    found = corner_normals(make_mesh(drum.vertices, drum.faces), crease_deg)
+    np.testing.assert_allclose(found, expected, atol=1e-4)
+
+
 def test_a_glb_has_unit_normals_that_agree_with_the_faces(asset, tmp_path):
     for piece in trimesh.load(asset.export(tmp_path / "a.glb")).geometry.values():
         given = piece.vertex_normals[piece.faces]

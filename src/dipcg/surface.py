@@ -54,13 +54,30 @@ def corner_normals(mesh: Mesh, crease_deg: float = CREASE_DEG) -> Float32[np.nda
     """For each corner of each face the mean, by area, of the normals around it that turn less than the crease."""
     corners = mesh.vertices[mesh.faces].astype(float)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    unit = _unit(cross)
-    total = np.zeros((3 * len(cross), 3))
-    for corner, face, other in _neighbours(_places(mesh.vertices)[mesh.faces].ravel()):
-        near = np.einsum("ij,ij->i", unit[face], unit[other]) > np.cos(np.radians(crease_deg))
-        total[corner[near]] += cross[other[near]]
+    unit, places = _unit(cross), _places(mesh.vertices)[mesh.faces].ravel()
+    total, creased = _around(places, cross, unit, crease_deg)
+    for number, other in _neighbours(places[creased]):
+        corner, face = creased[number], creased[other] // 3
+        near = np.einsum("ij,ij->i", unit[corner // 3], unit[face]) > np.cos(np.radians(crease_deg))
+        total[corner[near]] += cross[face[near]]
     smooth = _unit(np.where((total**2).sum(1, keepdims=True) > 0, total, np.repeat(unit, 3, axis=0)))
     return smooth.reshape(-1, 3, 3).astype(np.float32)
+
+
+def _around(
+    places: Int[np.ndarray, " c"], cross: Float[np.ndarray, "f 3"], unit: Float[np.ndarray, "f 3"], crease_deg: float
+) -> tuple[Float[np.ndarray, "c 3"], Int[np.ndarray, " n"]]:
+    """For each corner the sum of the normals at its place, or 0 where there may be a crease, and those corners.
+
+    Where all normals are within half a crease of their sum, no two are a crease apart; that is nearly everywhere.
+    """
+    weights = np.repeat(cross, 3, axis=0)
+    total = np.column_stack([np.bincount(places, column) for column in weights.T])
+    off = np.einsum("ij,ij->i", np.repeat(unit, 3, axis=0), _unit(total)[places]) <= np.cos(np.radians(crease_deg / 2))
+    creased = np.flatnonzero(np.bincount(places, off)[places])
+    found = total[places]
+    found[creased] = 0
+    return found, creased
 
 
 def unique_names(names: tuple[str, ...]) -> list[str]:
@@ -75,8 +92,8 @@ def unique_names(names: tuple[str, ...]) -> list[str]:
     return found
 
 
-def _neighbours(places: Int[np.ndarray, " c"]) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Every corner with its face and with a face at the same place, itself included: one such face for each at a time.
+def _neighbours(places: Int[np.ndarray, " c"]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Every corner with another at the same place, itself included: one such corner for each at a time.
 
     The work follows the number of pairs, the memory the number of corners.
     """
@@ -84,10 +101,9 @@ def _neighbours(places: Int[np.ndarray, " c"]) -> Iterator[tuple[np.ndarray, np.
     count = np.bincount(places)
     first, count = (np.cumsum(count) - count)[places[order]], count[places[order]]
     rank = np.arange(len(order)) - first
-    for step in range(int(count.max())):
+    for step in range(int(count.max(initial=0))):
         open_ = np.flatnonzero(count > step)
-        other = order[first[open_] + (rank[open_] + step) % count[open_]]
-        yield order[open_], order[open_] // 3, other // 3
+        yield order[open_], order[first[open_] + (rank[open_] + step) % count[open_]]
 
 
 def _places(vertices: Float32[np.ndarray, "v 3"]) -> Int[np.ndarray, " v"]:
