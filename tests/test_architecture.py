@@ -24,7 +24,7 @@ LAYERS = [
     + ["train", "tracking", "weights", "checkpoint", "rank", "refine", "recognise", "pipeline", "metrics", "evaluate"]
     + ["export", "export_gltf", "export_usd", "export_blend", "bake", "batch", "preview"]
     + ["team", "correct", "kinds", "heard", "snapshots", "tables", "baselines", "nearest", "topology", "foreign"]
-    + ["published"],
+    + ["published", "answer"],
     ["cli", "cli_assets", "cli_estimate", "cli_generators", "cli_learning", "cli_mcmc", "cli_meshes", "cli_import"]
     + ["cli_app", "app", "app_actions", "app_api", "app_cutout", "app_desk", "app_events", "app_limits", "app_page"]
     + ["app_parameters", "app_studio", "app_viewer", "app_work", "doctor", "listing", "terminal"]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Mapping
-from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from shutil import make_archive, rmtree
@@ -15,6 +14,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from dipcg import app_work
+from dipcg.answer import answer
 from dipcg.app_cutout import Correction, corrected
 from dipcg.app_desk import Change
 from dipcg.app_studio import CANDIDATES, Report, Studio
@@ -118,7 +118,8 @@ def answer_estimate(
     """What a program gets for a picture: candidates with parameters, view and agreement, and how sure each thing is."""
     image = load_image(picture)
     likely = _likely(studio, image, generator)
-    return _answer(likely, studio.estimate(image, likely[0][0], _named_values(keep or {}), candidates, seed))
+    found = studio.estimate(image, likely[0][0], _named_values(keep or {}), candidates, seed)
+    return answer(found, dict(likely), doubt(found))
 
 
 def answer_describe(
@@ -126,27 +127,14 @@ def answer_describe(
 ) -> dict[str, Any]:
     """What a program gets for a sentence: as for a picture, without agreement and misfit."""
     likely = _likely(studio, text, generator)
-    return _answer(likely, studio.describe(text, likely[0][0], _named_values(keep or {}), candidates, seed))
+    found = studio.describe(text, likely[0][0], _named_values(keep or {}), candidates, seed)
+    return answer(found, dict(likely), doubt(found))
 
 
 def _likely(studio: Studio, asked: Asked, generator: str) -> list[tuple[str, float]]:
     if generator:
         return [(generator, 1.0)]
     return studio.recognise_text(asked) if isinstance(asked, str) else studio.recognise(asked)
-
-
-def _answer(likely: list[tuple[str, float]], found: Estimate) -> dict[str, Any]:
-    return {
-        "generator": likely[0][0],
-        "generators": dict(likely),
-        "candidates": [
-            {"params": c.params, "view": asdict(c.view), "agreement": c.agreement} for c in found.candidates
-        ],
-        "spread": found.spread,
-        "chances": {name: {str(o): share for o, share in shares.items()} for name, shares in found.chances.items()},
-        "misfit": found.misfit,
-        "doubt": doubt(found),
-    }
 
 
 def answer_cut_out(picture: Source, difference: float | int | None = None) -> Image:

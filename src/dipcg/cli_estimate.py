@@ -7,9 +7,9 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
@@ -118,11 +118,12 @@ class _Work:
     def _warn_of_others(self, found: Estimate) -> None:
         """Say which of the other pictures does not show what was found: its camera is estimated, and it is compared."""
         from dipcg.rank import rank
+        from dipcg.recognise import doubt
 
         for other in self.others:
             space, params = found.inverter.generator.space, found.params
             held = {name: params[name] for name in space.names if space.is_active(name, params)}
-            _warn(other, rank(found.inverter.estimate(other, 2, self.steps, self.seed, held)))
+            _warn(other, doubt(rank(found.inverter.estimate(other, 2, self.steps, self.seed, held))))
 
     def _recognise(self, image: Path) -> dict[str, float]:
         from dipcg.recognise import recognise
@@ -228,7 +229,6 @@ def _try_estimate(work: _Work, image: Path, targets: Targets, written: Written) 
         found, chances = work(image)
         _write(found, targets, written)
         _tell(image, found, chances, targets, written.json)
-        _warn(image, found)
     except (ValueError, RuntimeError) as error:
         print(f"{image}: {error}" if str(image) not in str(error) else str(error), file=sys.stderr)
         return {image: str(error)}
@@ -258,36 +258,23 @@ def _write(found: Estimate, targets: Targets, written: Written) -> None:
 
 
 def _tell(image: Path, found: Estimate, chances: dict[str, float], targets: Targets, json: bool) -> None:
+    """Say on the first stream what was written, and on the other what is doubtful about it."""
+    from dipcg.answer import answer
+    from dipcg.recognise import doubt
+
     output, params_out, _ = targets
+    doubtful = doubt(found)
     if json:
-        print(jsons.dumps({"image": str(image), "output": str(output)} | _as_json(found, chances)))
+        print(jsons.dumps({"image": str(image), "output": str(output)} | answer(found, chances, doubtful)))
     else:
         sure = f" ({next(iter(chances))}, {100 * max(chances.values()):.0f} % sure)" if chances else ""
         print(f"{image} -> {output}" + (f", {params_out}" if params_out else "") + sure)
+    _warn(image, doubtful)
 
 
-def _as_json(found: Estimate, chances: dict[str, float]) -> dict[str, Any]:
-    from dipcg.recognise import doubt
-
-    candidates = [{"params": c.params, "view": asdict(c.view), "agreement": c.agreement} for c in found.candidates]
-    return {
-        "generator": found.inverter.generator.name,
-        "generators": chances,
-        "candidates": candidates,
-        "spread": found.spread,
-        "chances": found.chances,
-        "misfit": found.misfit,
-        "doubt": doubt(found),
-        "trace": [step._asdict() for step in found.trace],
-    }
-
-
-def _warn(image: Path, found: Estimate) -> None:
-    from dipcg.recognise import doubt
-
-    sentence = doubt(found)
-    if sentence:
-        print(f"{image}: {sentence}", file=sys.stderr)
+def _warn(image: Path, doubt: str | None) -> None:
+    if doubt:
+        print(f"{image}: {doubt}", file=sys.stderr)
 
 
 def _named_after(path: Path | None, image: Path, many: bool) -> Path | None:
