@@ -6,7 +6,7 @@ import torch
 from PIL import Image
 
 from dipcg import registry
-from dipcg.captions import FOLDER, MOST, caption, load_words, says
+from dipcg.captions import FOLDER, MOST, caption, load_words, reworded, says
 from dipcg.cli import main
 from dipcg.dataset import Shapes
 from dipcg.generators import load_generator
@@ -37,7 +37,8 @@ def test_no_phrase_stands_for_two_values_of_a_parameter(name):
 
 
 @pytest.mark.parametrize("name", DESCRIBED)
-def test_a_caption_says_only_what_is_true(name):
+def test_a_caption_says_only_what_is_true(name, monkeypatch):
+    monkeypatch.setattr("dipcg.captions.REWORDED", 0)
     generator, rng = load_generator(name), np.random.default_rng(0)
     _, phrases = load_words(generator)
     for _ in range(50):
@@ -60,6 +61,26 @@ def _pieces(words: str, phrases) -> list[str]:
             found.append(phrase)
             words = words.replace(phrase, "|")
     return found
+
+
+@pytest.mark.parametrize("name", DESCRIBED)
+def test_a_phrase_in_other_words_never_becomes_the_phrase_for_something_else(name):
+    generator, rng = load_generator(name), np.random.default_rng(0)
+    every = [phrase for by_value in load_words(generator)[1].values() for many in by_value.values() for phrase in many]
+    said = [(phrase, reworded(generator, phrase, rng)) for phrase in every]
+    other = {new for phrase, new in said if new != phrase}
+    assert len(other) > len(every) / 10
+    assert not other & set(every)
+
+
+def test_words_are_put_in_others_where_the_thesaurus_has_some_and_articles_follow(monkeypatch):
+    monkeypatch.setattr("dipcg.captions.REWORDED", 1)
+    monkeypatch.setattr("dipcg.captions._load_thesaurus", lambda: ({"thick": ["ample"]}, {"with": ["having"]}))
+    table, rng = load_generator("table"), np.random.default_rng(0)
+    assert (
+        reworded(table, "with a thick, thick-edged top with legs", rng) == "having an ample, ample-edged top with legs"
+    )
+    assert reworded(table, "as round as a coin", rng) == "as round as a coin"
 
 
 def test_captions_of_one_asset_differ_and_the_same_seed_gives_the_same():

@@ -1,12 +1,14 @@
 """Sentences that describe parameters: a small grammar from the names, options and quantiles of a declared space.
 
 `words/NAME.toml` gives a generator phrases of its own: for options of a choice, and for the low and the high end of a
-real parameter. A generator without such a file is described with the names of its parameters. `words/_chatter.toml`
-has what people say besides, which tells nothing of the shape and is to be heard as such.
+real parameter. A generator without such a file is described with the names of its parameters. `words/_thesaurus.toml`
+has words that may stand for one another in any phrase, `words/_chatter.toml` what people say besides, which tells
+nothing of the shape and is to be heard as such.
 """
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -22,9 +24,11 @@ FOLDER = Path(__file__).parent / "words"
 LOW, HIGH = 0.25, 0.75  # quantiles from which a real parameter is worth a word
 AFTER = {  # words that phrases begin with which follow the noun
     "with", "without", "on", "that", "no", "close", "leaning", "whose", "having", "standing", "where", "like", "for",
-    "of", "about", "under", "over", "less", "more", "in", "not", "minus", "made", "as",
+    "of", "about", "under", "over", "less", "more", "in", "not", "minus", "made", "as", "featuring", "which",
+    "showing", "sporting", "it", "has", "and", "lacking", "free",
 }  # fmt: skip
 MOST = 7  # things said in one sentence
+REWORDED = 0.4  # how often a word of a phrase is put in others, where the thesaurus has some
 CHATTER = 0.4  # how often something is said before, after, and in between
 
 Phrases = Mapping[str, Mapping[str, Sequence[str]]]
@@ -83,14 +87,37 @@ def _chosen(
     active = [p for p, on in zip(space, space.active(params), strict=True) if on and _may_be_told(generator, p, params)]
     true = [(p.name, said) for p in active if (said := says(p, params[p.name])) in phrases.get(p.name, ())]
     chosen = [true[i] for i in rng.permutation(len(true))[: rng.integers(1, MOST + 1)]]
-    parts = [_one(phrases[name][said], rng) for name, said in chosen]
+    parts = [reworded(generator, _one(phrases[name][said], rng), rng) for name, said in chosen]
     return _one(nouns or own, rng), parts, [name for name, _ in chosen]
 
 
+def reworded(generator: Generator, phrase: str, rng: np.random.Generator) -> str:
+    """The phrase with a few of its words put in others, unless it then stands for something else."""
+    anywhere, first = _load_thesaurus()
+    words = re.split(r"\b", phrase)[1:]
+    for i, word in enumerate(words):
+        others = first.get(word) if i == 0 and word in first else anywhere.get(word)
+        if others and rng.random() < REWORDED:
+            words[i] = _one(others, rng)
+    said = re.sub(r"\ba(?= [aeiou])", "an", re.sub(r"\ban(?= [^aeiou\W])", "a", "".join(words)))
+    return phrase if said in _known(generator.name) else said
+
+
+@cache
+def _known(generator: str) -> frozenset[str]:
+    """Every phrase of a generator's file."""
+    tables = [table for name, table in _load_phrases(generator).items() if name not in ("nouns", "only")]
+    return frozenset(said for by_value in tables for phrases in by_value.values() for said in phrases)
+
+
 def _may_be_told(generator: Generator, parameter: Parameter, params: Params) -> bool:
-    """Whether the conditions hold that the words file's table `only` sets for phrases about a parameter."""
+    """Whether the conditions hold that the words file's table `only` sets for phrases about a parameter.
+
+    They name options of a choice, and of a real parameter low, middle and high.
+    """
     conditions = _load_phrases(generator.name).get("only", {}).get(parameter.name, {})
-    return all(str(params[name]) in options for name, options in conditions.items())
+    space = generator.space
+    return all((says(space[name], params[name]) or "middle") in options for name, options in conditions.items())
 
 
 def _with_chatter(noun: str, parts: list[str], rng: np.random.Generator) -> str:
@@ -123,6 +150,13 @@ def _one(options: Sequence[str], rng: np.random.Generator) -> str:
 
 def _shuffled(words: list[str], rng: np.random.Generator) -> list[str]:
     return [words[i] for i in rng.permutation(len(words))]
+
+
+@cache
+def _load_thesaurus() -> tuple[dict[str, list[str]], dict[str, list[str]]]:
+    """What may stand for a word anywhere, and what at the beginning of a phrase."""
+    found = tomllib.loads((FOLDER / "_thesaurus.toml").read_text())
+    return found["adjectives"] | found["quantities"] | found["things"], found["joints"]
 
 
 @cache

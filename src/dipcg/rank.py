@@ -26,9 +26,8 @@ from dipcg.worker import BuildError
 
 SAME = 0.03  # mean difference of active reals in x, below which two candidates with the same choices are one
 GLANCES = 10  # renders in the search for a candidate's camera: without it a good one a few degrees off looks bad
-ALIGNED = 4  # of the best, whose camera is searched for once more
 STEPS = np.array([8.0, 6.0, 0.2])  # of that search: azimuth and elevation in degrees, distance as a logarithm
-TRIES = 24  # renders for each of these
+TRIES = 24  # renders in the longer search for the camera of the first
 STRANGE = 0.5  # misfit above which a picture shows nothing that the generator makes; see docs/results.md
 NEAREST, FARTHEST = 1.5, 6.0  # distances that `encode_view` can tell apart
 PRIOR = 0.1  # weight of the surprise against the agreement
@@ -52,8 +51,8 @@ def rank(estimate: Estimate, report: Callable[[int], None] = lambda built: None)
             built = not isinstance(mesh, BuildError)
             seen.append(judge.align(judge.look(replace(candidate, mesh=mesh)), GLANCES) if built else candidate)
             report(number)
-        found = judge.best_first(seen)
-        found = judge.safest_first([*map(judge.align, found[:ALIGNED]), *found[ALIGNED:]])
+        first, *others = judge.safest_first(judge.best_first(seen))
+        found = [judge.align(first), *others]
     finally:
         judge.close()
     return judged(estimate, merged(estimate, found))
