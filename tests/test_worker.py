@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from dipcg.worker import BuildError, BuildPool
 
 GENERATOR = '''
 """A triangle that misbehaves on request."""
-import os, signal, sys, time
+import os, signal, sys, tempfile, time
 import numpy as np
 from dipcg.space import Choice, ParameterSpace, Real
 
@@ -40,6 +41,7 @@ def build(params):
     if mode == "crash": os.kill(os.getpid(), signal.SIGSEGV)
     if mode == "close": os.closerange(3, 64); time.sleep(60)
     if mode == "slow": time.sleep(0.3)
+    if mode == "litter": tempfile.mkdtemp()
     if mode == "noise":
         print("x" * 100_000, flush=True)
         os.write(1, b"y" * 100_000)
@@ -48,7 +50,7 @@ def build(params):
     return triangle
 '''
 MODES = ("good", "raise", "nan", "empty", "index", "nothing", "hang", "exit", "quit", "kill", "crash", "close", "slow")
-MODES += ("noise", "novel")
+MODES += ("noise", "novel", "litter")
 
 
 def write_generator(folder: Path, recycle_after: int = 1000, extra: str = "") -> str:
@@ -261,3 +263,13 @@ def test_no_process_outlives_its_parent(tmp_path, stop, doing):
     parent.stdout.close()
     assert len(children) == 2
     assert wait_until(lambda: not any(is_alive(pid) for pid in children))
+
+
+def test_folders_that_a_build_leaves_behind_go_with_its_worker(tmp_path, monkeypatch):
+    ref = write_generator(tmp_path)
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    with BuildPool(ref) as pool:
+        pool.build(params("litter"))
+        assert [path.name for own in (tmp_path / "temporary").iterdir() for path in own.iterdir()]
+    assert not list((tmp_path / "temporary").iterdir())

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from dipcg.generators._declared import digest, read_declaration, write_declaration
@@ -67,7 +68,9 @@ def read_inputs(blend: Path, name: str = "") -> dict[str, Any]:
         raise ModuleNotFoundError(f"Reading {blend} needs bpy: run `pip install 'dipcg[infinigen]'` (Python 3.11).")
     command = [sys.executable, "-m", "dipcg.generators._geometry_nodes", str(blend), name]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S)
+        with TemporaryDirectory(prefix="dipcg-", ignore_cleanup_errors=True) as folder:  # Blender leaves its own behind
+            environment = os.environ | {"TMPDIR": folder}
+            done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, env=environment)
         answer = json.loads(done.stdout)
     except subprocess.TimeoutExpired:
         raise ValueError(f"Blender took longer than {TIMEOUT_S:g} s over {blend} and was stopped.") from None

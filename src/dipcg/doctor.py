@@ -14,6 +14,7 @@ from ctypes.util import find_library
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from dipcg import registry
 
@@ -156,7 +157,11 @@ def _child(code: str) -> tuple[bool, str]:
     prelude = "import os\ndef answer(text): print('\\nanswer', text, flush=True); os._exit(0)\n"
     command = [sys.executable, "-c", prelude + code]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=CHILD_TIMEOUT_S)
+        with TemporaryDirectory(prefix="dipcg-", ignore_cleanup_errors=True) as folder:  # Blender leaves its own behind
+            done = subprocess.run(
+                command, capture_output=True, text=True, errors="replace", timeout=CHILD_TIMEOUT_S,
+                env=os.environ | {"TMPDIR": folder},
+            )  # fmt: skip
     except subprocess.TimeoutExpired:
         return False, f"no answer within {CHILD_TIMEOUT_S:g} s"
     answers = re.findall(r"^answer (.*)$", done.stdout, re.MULTILINE)

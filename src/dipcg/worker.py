@@ -19,6 +19,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from multiprocessing.connection import Connection, Pipe
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from dipcg.generators import Detail, load_generator
@@ -138,6 +139,7 @@ class Child:
     def __init__(self, ref: str, module: str = "dipcg.worker") -> None:
         self.builds = 0
         self._ready = False
+        self._folder = TemporaryDirectory(prefix="dipcg-", ignore_cleanup_errors=True)  # Blender leaves its own behind
         self._pipe, theirs = Pipe()
         with theirs:
             command = [sys.executable, "-m", module, str(theirs.fileno()), ref]
@@ -147,6 +149,7 @@ class Child:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
+                env=os.environ | {"TMPDIR": self._folder.name},
                 start_new_session=True,  # Ctrl-C in the terminal reaches the caller alone, who then stops us
             )
 
@@ -165,6 +168,7 @@ class Child:
         self._process.kill()
         self._process.wait()
         self._pipe.close()
+        self._folder.cleanup()
 
     def _send(self, message: Any) -> None:
         with contextlib.suppress(OSError):  # a dead child is noticed when its answer is awaited
