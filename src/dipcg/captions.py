@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 
@@ -29,6 +30,7 @@ AFTER = {  # words that phrases begin with which follow the noun
 }  # fmt: skip
 MOST = 7  # things said in one sentence
 REWORDED = 0.4  # how often a word of a phrase is put in others, where the thesaurus has some
+WORDINGS = 8  # of each phrase
 CHATTER = 0.4  # how often something is said before, after, and in between
 
 Phrases = Mapping[str, Mapping[str, Sequence[str]]]
@@ -92,15 +94,26 @@ def _chosen(
 
 
 def reworded(generator: Generator, phrase: str, rng: np.random.Generator) -> str:
-    """The phrase with a few of its words put in others, unless it then stands for something else."""
+    """The phrase, often with a few of its words put in others."""
+    return _one(_wordings(generator.name, phrase), rng)
+
+
+@cache
+def _wordings(generator: str, phrase: str) -> list[str]:
+    """Some wordings of a phrase, always the same ones, since each has to be read once; none stands for another."""
+    rng = np.random.default_rng(crc32(phrase.encode()))
+    said = [_in_other_words(phrase, rng) for _ in range(WORDINGS)]
+    return [phrase if words in _known(generator) else words for words in said]
+
+
+def _in_other_words(phrase: str, rng: np.random.Generator) -> str:
     anywhere, first = _load_thesaurus()
     words = re.split(r"\b", phrase)[1:]
     for i, word in enumerate(words):
         others = first.get(word) if i == 0 and word in first else anywhere.get(word)
         if others and rng.random() < REWORDED:
             words[i] = _one(others, rng)
-    said = re.sub(r"\ba(?= [aeiou])", "an", re.sub(r"\ban(?= [^aeiou\W])", "a", "".join(words)))
-    return phrase if said in _known(generator.name) else said
+    return re.sub(r"\ba(?= [aeiou])", "an", re.sub(r"\ban(?= [^aeiou\W])", "a", "".join(words)))
 
 
 @cache
