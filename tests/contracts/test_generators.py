@@ -185,13 +185,14 @@ def test_under_each_option_every_active_parameter_changes_the_mesh(pool):
     rng = np.random.default_rng(2)
     space = pool.generator.space
     left = {(p.name, c.name, o) for p in space for c in space if isinstance(c, Choice) for o in c.options}
-    left = {pair for pair in left if joint(space, *pair, rng)}
+    left = {(p.name, *ANYHOW) for p in space} | {pair for pair in left if joint(space, *pair, rng)}
     for _ in range(ROUNDS):
         left -= set(effects_seen(pool, probes(space, left, rng)))
     assert not left, f"no effect of (parameter, under choice, option): {sorted(left, key=str)}"
 
 
 Pair = tuple[str, str, object]
+ANYHOW = ("", None)  # under whatever options: a generator may have no choices
 
 
 def probes(space: ParameterSpace, left: set[Pair], rng: np.random.Generator) -> list[tuple[str, Params, Params]]:
@@ -227,11 +228,14 @@ def effects_seen(pool: BuildPool, chosen: list[tuple[str, Params, Params]]) -> I
 def pairs_of(space: ParameterSpace, name: str, params: Params) -> set[Pair]:
     if not space.is_active(name, params):
         return set()
-    return {(name, c.name, params[c.name]) for c in space if isinstance(c, Choice) and space.is_active(c.name, params)}
+    choices = [c.name for c in space if isinstance(c, Choice) and space.is_active(c.name, params)]
+    return {(name, *ANYHOW)} | {(name, choice, params[choice]) for choice in choices}
 
 
 def joint(space: ParameterSpace, name: str, choice: str, option: object, rng: np.random.Generator) -> Params | None:
     """Random parameters under which `name` is active and `choice` is active and at `option`; None if that cannot be."""
+    if (choice, option) == ANYHOW:
+        return activated(space, name, rng)
     for _ in range(20):
         params = activated(space, name, rng, with_option(space, space[choice], option, rng))
         if params[choice] == option and space.is_active(choice, params):
