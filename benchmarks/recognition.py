@@ -1,9 +1,9 @@
 """Which generator, and is it any of them: pictures of several test splits, tried with every checkpoint.
 
 `DIPCG_BENCH_SETS` names folders of `dipcg dataset build`, with `:` between them; the checkpoints are those that ship.
-Each generator's misfits of its own pictures are set against those of the others', as the area under the ROC curve.
-Then how many pictures are doubted, by misfit or at first sight. `DIPCG_BENCH_PICTURES` may name folders, with `:`
-between them, of other pictures whose names begin with what they show.
+Each generator's misfits of its own pictures are set against those of the others', as the area under the ROC curve, and
+so is the strangeness, which hears the classifier too. Then how many pictures are doubted, by both and by misfit alone.
+`DIPCG_BENCH_PICTURES` may name folders, with `:` between them, of other pictures whose names begin with what they show.
 """
 
 import os
@@ -18,7 +18,7 @@ from dipcg.evaluate import split_cases
 from dipcg.images import Source
 from dipcg.pipeline import Inverter
 from dipcg.rank import rank, warning
-from dipcg.recognise import TRIED, doubt, recognisable
+from dipcg.recognise import TRIED, at_a_glance, doubt, recognisable, strangeness
 from dipcg.store import Store
 
 COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "20"))
@@ -26,9 +26,10 @@ OF = " of "  # between what pictures show and the folder they are from
 
 
 class Look(NamedTuple):
-    """A picture tried with one generator: the misfit, and whether it is doubted, and for its misfit alone."""
+    """A picture tried with one generator: how little it fits, and whether it is doubted, and for its misfit alone."""
 
     misfit: float
+    strangeness: float
     doubted: bool
     strange: bool
 
@@ -71,13 +72,16 @@ def print_recognised(looked: Looked, shown: Sequence[str]) -> None:
 
 
 def print_doubted(looked: Looked) -> None:
-    header("generator", "area under the curve", "own pictures doubted", "others doubted", "others doubted by misfit")
+    areas = ("area under the curve of the misfit", "of the strangeness")
+    header("generator", *areas, "own pictures doubted", "others doubted", "others doubted by misfit alone")
     for name, found in looked.items():
         own = [look for of, looks in found.items() if of.split(OF)[0] == name for look in looks]
         others = [look for of, looks in found.items() if of.split(OF)[0] != name for look in looks]
         if others and own:
             shares = (share(own, "doubted"), share(others, "doubted"), share(others, "strange"))
-            row(name, f"{area([look.misfit for look in own], [look.misfit for look in others]):.3f}", *shares)
+            misfits = area([look.misfit for look in own], [look.misfit for look in others])
+            both = area([look.strangeness for look in own], [look.strangeness for look in others])
+            row(name, f"{misfits:.3f}", f"{both:.3f}", *shares)
 
 
 def share(looks: Sequence[Look], what: str) -> str:
@@ -95,11 +99,14 @@ def look(inverter: Inverter, picture: Source) -> Look:
     """After ranking as few candidates as recognising does; the misfit is 1 when nothing can be built."""
     found = rank(inverter.estimate(picture, TRIED))
     misfit = 1.0 if found.misfit is None else found.misfit
-    return Look(misfit, doubt(found) is not None, warning(found) is not None)
+    seen = at_a_glance(found)
+    return Look(
+        misfit, strangeness(misfit, seen[inverter.generator.name]), doubt(found) is not None, warning(found) is not None
+    )
 
 
 def area(own: Sequence[float] | np.ndarray, others: Sequence[float]) -> float:
-    """The chance that one of the others has a higher misfit than one of its own: the area under the ROC curve."""
+    """The chance that one of the others has a higher value than one of its own: the area under the ROC curve."""
     higher, own = np.array(others)[:, None], np.array(own)[None]
     return float((higher > own).mean() + (higher == own).mean() / 2)
 

@@ -1,5 +1,6 @@
 """Telling kinds of objects apart at first sight."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from boxes import untrained
 from dipcg.checkpoint import load_checkpoint
 from dipcg.kinds import ENCODER, fingerprint, fit, load_kinds, summaries
 from dipcg.pipeline import Inverter
-from dipcg.recognise import doubt, recognise
+from dipcg.recognise import DOUBTED, at_a_glance, doubt, recognise, strangeness
 from dipcg.store import build_dataset
 from dipcg.weights import find_checkpoint, shipped
 
@@ -83,6 +84,21 @@ def test_a_picture_of_another_kind_is_doubted_without_a_build_and_its_own_is_not
             found = doubt(inverter.estimate(EXAMPLES / f"{other}.png", 1))
             assert found is not None
             assert f"try '{other}'" in found
+
+
+def test_what_fits_badly_and_looks_like_something_else_is_the_strangest():
+    assert strangeness(0.0, 1.0) == 0
+    assert strangeness(1.0, 0.0) == 1
+    assert strangeness(0.4, 0.3) > max(strangeness(0.2, 0.3), strangeness(0.4, 0.6))
+    assert strangeness(None, 0.06) <= DOUBTED < strangeness(None, 0.04), "unranked: at first sight, where that is sure"
+
+
+def test_a_picture_that_fits_badly_is_doubted_though_it_looks_like_its_kind():
+    with Inverter(*load_checkpoint(find_checkpoint("chair"))[:2]) as inverter:
+        found = inverter.estimate(EXAMPLES / "chair.png", 1)
+    assert at_a_glance(found)["chair"] > 0.8
+    assert doubt(replace(found, misfit=0.3)) is None
+    assert "by only 20 %" in doubt(replace(found, misfit=0.8))
 
 
 def test_a_generator_that_the_classifier_does_not_know_is_not_doubted():

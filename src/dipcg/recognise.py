@@ -20,7 +20,8 @@ from dipcg.rank import rank, warning
 from dipcg.weights import CheckpointError, shipped
 
 TRIED = 4  # candidates of each generator
-SURE, UNLIKELY = 0.8, 0.05  # chances of another generator and of the one asked, from which there is a doubt
+DOUBTED = 0.6  # strangeness above which a picture is doubted; see docs/results.md
+USUAL = 0.25  # misfit of what a generator can make
 TEMPERATURE = 0.03  # of agreement: what makes one generator e times as likely as another; see docs/results.md
 
 
@@ -61,21 +62,31 @@ def recognisable() -> list[str]:
 
 
 def doubt(estimate: Estimate) -> str | None:
-    """A sentence when a picture seems to show nothing that the generator makes: by its misfit, or at first sight."""
-    return warning(estimate) or _looks_like_another(estimate)
-
-
-def _looks_like_another(estimate: Estimate) -> str | None:
-    classifier = None if estimate.background == "words" else _classifier()
+    """A sentence when a picture seems to show nothing that the generator makes."""
     ours = estimate.inverter.generator.name
-    if classifier is None or ours not in classifier[0].names:
-        return None
+    seen = at_a_glance(estimate) or {ours: 1.0}
+    likeliest, chance = next(iter(seen.items()))
+    if likeliest != ours and strangeness(estimate.misfit, seen[ours]) > DOUBTED:
+        return f"it looks more like a {likeliest} ({100 * chance:.0f} %) than a {ours}; try {likeliest!r}."
+    return warning(estimate)
+
+
+def strangeness(misfit: float | None, chance: float) -> float:
+    """From 0 to 1: the mean of the misfit and of what a generator's chance at first sight lacks of 1.
+
+    Each of the two alone errs where the other does not: a camera that may move makes other things fit, and a classifier
+    has no name for what is none of its kinds. An estimate that was not ranked counts as fitting as usual.
+    """
+    return ((USUAL if misfit is None else misfit) + 1 - chance) / 2
+
+
+def at_a_glance(estimate: Estimate) -> dict[str, float]:
+    """The chance of each kind, the likeliest first; nothing where no classifier knows the generator."""
+    classifier = None if estimate.background == "words" else _classifier()
+    if classifier is None or estimate.inverter.generator.name not in classifier[0].names:
+        return {}
     kinds, inverter = classifier
-    seen = kinds.chances(inverter, estimate.image)
-    likeliest, chance = seen[0]
-    if chance < SURE or dict(seen)[ours] > UNLIKELY:
-        return None
-    return f"it looks more like a {likeliest} ({100 * chance:.0f} %) than a {ours}; try {likeliest!r}."
+    return dict(kinds.chances(inverter, estimate.image))
 
 
 @cache
