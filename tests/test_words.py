@@ -81,6 +81,7 @@ def test_words_are_put_in_others_where_the_thesaurus_has_some_and_articles_follo
         reworded(table, "with a thick, thick-edged top with feet", rng) == "having an ample, ample-edged top with feet"
     )
     assert reworded(table, "as round as a pebble", rng) == "as round as a pebble"
+    assert reworded(table, "'thick' in every way", rng) == "'ample' in every way"
 
 
 def test_captions_of_one_asset_differ_and_the_same_seed_gives_the_same():

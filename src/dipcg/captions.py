@@ -108,7 +108,7 @@ def _wordings(generator: str, phrase: str) -> list[str]:
 
 def _in_other_words(phrase: str, rng: np.random.Generator) -> str:
     anywhere, first = _load_thesaurus()
-    words = re.split(r"\b", phrase)[1:]
+    words = re.split(r"(\W+)", phrase)
     for i, word in enumerate(words):
         others = first.get(word) if i == 0 and word in first else anywhere.get(word)
         if others and rng.random() < REWORDED:
