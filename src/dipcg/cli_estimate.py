@@ -70,7 +70,9 @@ def estimate(
         return
     problems: dict[Path, str] = {}
     with ExitStack() as stack:
-        inverters = _inverters(stack, generator, (rank and candidates > 1) or refine is not None)
+        once = len(targets) == 1 and refine is None
+        workers = _workers(once) if (rank and candidates > 1) or refine is not None else 1
+        inverters = _inverters(stack, generator, workers)
         work = _Work(inverters, generator is None, candidates, steps, seed, kept, rank, refine, others)
         work.check()
         for image in targets:
@@ -173,13 +175,17 @@ def _estimate_text(
         _tell(Path(text), found, chances, targets, written.json)
 
 
-def _inverters(stack: ExitStack, generator: str | None, many_builds: bool) -> dict[str, Inverter]:
+def _workers(once: bool) -> int:
+    """How many pay: one takes as long to start as twenty builds, so for one ranking every other core has one."""
+    return max(1, min(MOST_WORKERS, (os.cpu_count() or 1) // (2 if once else 1)))
+
+
+def _inverters(stack: ExitStack, generator: str | None, workers: int) -> dict[str, Inverter]:
     from dipcg.pipeline import Inverter
     from dipcg.recognise import recognisable
 
     names = recognisable() if generator is None else [generator]
-    workers = min(MOST_WORKERS, os.cpu_count() or 1) if many_builds and generator else 1
-    return {name: stack.enter_context(Inverter.load(name, workers)) for name in names}
+    return {name: stack.enter_context(Inverter.load(name, workers if generator else 1)) for name in names}
 
 
 Targets = tuple[Path | None, ...]  # of the mesh, the parameters and the preview
