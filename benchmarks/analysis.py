@@ -14,12 +14,12 @@ import numpy as np
 from benchmarks.error_figure import draw_errors, parameter_errors
 from benchmarks.timing import header, row
 from dipcg.camera import View
-from dipcg.evaluate import Case, split_cases
+from dipcg.evaluation.evaluate import Case, split_cases
 from dipcg.images import MARGIN, over_white, prepare, save_image
 from dipcg.mesh import Mesh
 from dipcg.metrics import chamfer, surface_points
 from dipcg.pipeline import Candidate, Inverter
-from dipcg.preview import in_rows
+from dipcg.inference.preview import in_rows
 from dipcg.render import Renderer
 from dipcg.space import ParameterSpace
 

@@ -5,9 +5,9 @@ import sys
 import numpy as np
 
 from dipcg.config import AugmentConfig
-from dipcg.dataset import Pictures, load_shapes
+from dipcg.training.pictures import Pictures, load_shapes
 from dipcg.images import save_image
-from dipcg.preview import in_rows
+from dipcg.inference.preview import in_rows
 
 SIDE, COLUMNS, ROWS = 128, 12, 5
 

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from benchmarks.timing import header, row
-from dipcg.weights import CARD, SHIPPED, WORDS
+from dipcg.model.zoo import CARD, SHIPPED, WORDS
 
 
 def main() -> None:

@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.timing import header, machine, row
-from dipcg.evaluate import Case, distance, pair_cases, split_cases
+from dipcg.evaluation.evaluate import Case, distance, pair_cases, split_cases
 from dipcg.pipeline import Inverter
-from dipcg.rank import rank
-from dipcg.refine import Search
+from dipcg.inference.rank import rank
+from dipcg.inference.refine import Search
 
 COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "16"))
 AFTER = (12, 24, 48)

@@ -12,9 +12,9 @@ import numpy as np
 
 from dipcg.images import save_image
 from dipcg.pipeline import Inverter
-from dipcg.preview import in_rows, side_by_side
-from dipcg.rank import rank
-from dipcg.recognise import recognisable, recognise
+from dipcg.inference.preview import in_rows, side_by_side
+from dipcg.inference.rank import rank
+from dipcg.inference.recognise import recognisable, recognise
 
 NAMED = os.environ.get("DIPCG_BENCH_GENERATOR")
 COLUMNS = int(os.environ.get("DIPCG_BENCH_COLUMNS", "2"))

@@ -11,8 +11,8 @@ import torch
 
 from benchmarks.timing import header, machine, row
 from benchmarks.words import SENTENCES
-from dipcg.heard import fit, recognise_text
-from dipcg.weights import shipped
+from dipcg.inference.recognise_text import fit, recognise_text
+from dipcg.model.zoo import shipped
 
 
 def main() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.timing import header, machine, row
 from dipcg.generators import load_generator
-from dipcg.generators._infinigen import find_node, import_infinigen, replaced, silence
+from dipcg.blender.infinigen import find_node, import_infinigen, replaced, silence
 
 SEEDS = (2, 3, 9, 13)  # of Infinigen's own assets
 

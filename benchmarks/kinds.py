@@ -11,7 +11,7 @@ from pathlib import Path
 import torch
 
 from benchmarks.timing import header, machine, row, seconds
-from dipcg.kinds import ENCODER, Kinds, fit, load_kinds, summaries
+from dipcg.inference.classifier import ENCODER, Kinds, fit, load_kinds, summaries
 from dipcg.pipeline import Inverter
 
 FITTED_ON = int(os.environ.get("DIPCG_BENCH_PICTURES", "1500"))

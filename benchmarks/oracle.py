@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.timing import header, machine, row
-from dipcg.evaluate import Case, distance, pair_cases
-from dipcg.mcmc import Metropolis, Moves, Point, search
+from dipcg.evaluation.evaluate import Case, distance, pair_cases
+from dipcg.inference.search import Metropolis, Moves, Point, search
 from dipcg.pipeline import Inverter
-from dipcg.worker import BuildError
+from dipcg.workers.pool import BuildError
 
 CHECKPOINT = os.environ.get("DIPCG_BENCH_CHECKPOINT", "chair")
 CALLS = int(os.environ.get("DIPCG_BENCH_CALLS", "300"))

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from dipcg.blender import Blender
-from dipcg.dataset import load_shapes
+from dipcg.workers.rpc import Blender
+from dipcg.training.pictures import load_shapes
 from dipcg.generators import Generator
 from dipcg.images import MARGIN, save_image
 from dipcg.mesh import Mesh
 from dipcg.metrics import sample_surface
-from dipcg.worker import BuildError, BuildPool
+from dipcg.workers.pool import BuildError, BuildPool
 
 COUNT, SIDE, SAMPLES, POINTS = 100, 256, 32, 20_000
 

@@ -13,11 +13,11 @@ import numpy as np
 
 from benchmarks.timing import header, machine, row
 from benchmarks.trained import train
-from dipcg.evaluate import Case, distance, pair_cases, split_cases
+from dipcg.evaluation.evaluate import Case, distance, pair_cases, split_cases
 from dipcg.metrics import load_metric
 from dipcg.pipeline import Inverter
-from dipcg.tables import bootstrap
-from dipcg.weights import CARD
+from dipcg.evaluation.tables import bootstrap
+from dipcg.model.zoo import CARD
 
 MINUTES = os.environ.get("DIPCG_BENCH_MINUTES", "3")
 COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "32"))

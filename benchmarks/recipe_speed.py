@@ -13,15 +13,15 @@ import torch
 from torch import nn
 
 from benchmarks.timing import header, machine, row
-from dipcg import ddpm
+from dipcg.model import ddpm
 from dipcg.camera import VIEW_NUMBERS
 from dipcg.config import ModelConfig
-from dipcg.denoiser import Denoiser, Outputs
-from dipcg.dit import DiT
+from dipcg.model.denoiser import Denoiser, Outputs
+from dipcg.model.dit import DiT
 from dipcg.encoders import Features
 from dipcg.generators import load_generator
 from dipcg.pipeline import EXPECTED_OVER
-from dipcg.recipes import RECIPES
+from dipcg.training.recipes import RECIPES
 
 SPACE = load_generator("chair").space
 TOKENS, CHANNELS = 256, 768  # DINOv2's

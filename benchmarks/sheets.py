@@ -7,8 +7,8 @@ import numpy as np
 
 from dipcg import registry
 from dipcg.generators import load_generator
-from dipcg.preview import contact_sheet
-from dipcg.worker import BuildPool
+from dipcg.inference.preview import contact_sheet
+from dipcg.workers.pool import BuildPool
 
 COUNT = 24
 

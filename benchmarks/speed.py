@@ -7,7 +7,7 @@ from pathlib import Path
 
 from benchmarks.timing import header, machine, row, seconds
 from dipcg.pipeline import Inverter
-from dipcg.rank import rank
+from dipcg.inference.rank import rank
 
 PICTURE = Path(__file__).parent.parent / "examples/images/chair.png"
 

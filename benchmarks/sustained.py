@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.timing import header, machine, row
 from dipcg.generators import load_generator
-from dipcg.worker import BuildPool
+from dipcg.workers.pool import BuildPool
 
 COUNT = int(os.environ.get("DIPCG_BENCH_BUILDS", "2000"))
 SHARES = 4

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from dipcg.bake import texture
-from dipcg.blender import Blender
+from dipcg.export.textures import texture
+from dipcg.workers.rpc import Blender
 from dipcg.camera import View
-from dipcg.export import Asset
+from dipcg.export.asset import Asset
 from dipcg.images import MARGIN, over_white, save_image
-from dipcg.worker import BuildPool
+from dipcg.workers.pool import BuildPool
 
 ASSETS = ["chair", "10", "chair", "8", "table", "6", "vase", "5"]
 SIZE, FACES, SIDE, SAMPLES, VIEW = 512, 30_000, 384, 32, View(30.0, 20.0)

@@ -4,7 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from dipcg.store import Store
+from dipcg.data.store import Store
 
 
 def train(data: str, out: Path, *flags: str) -> Path:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from benchmarks.timing import header, machine, row
 from dipcg.config import ModelConfig, TrainConfig
-from dipcg.store import build_dataset
-from dipcg.train import Status, train
+from dipcg.data.store import build_dataset
+from dipcg.training.train import Status, train
 
 MINUTES = float(os.environ.get("DIPCG_BENCH_MINUTES", "1"))
 

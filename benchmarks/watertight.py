@@ -8,9 +8,9 @@ import numpy as np
 import trimesh
 
 from dipcg import registry
-from dipcg.export import Asset
+from dipcg.export.asset import Asset
 from dipcg.generators import load_generator
-from dipcg.worker import BuildPool
+from dipcg.workers.pool import BuildPool
 
 COUNT = 3
 

@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.timing import header, row
 from dipcg.pipeline import Inverter
 from dipcg.space import Choice, ParameterSpace, Params
-from dipcg.weights import WORDS
+from dipcg.model.zoo import WORDS
 
 SENTENCES = Path(__file__).with_name("sentences.toml")
 

@@ -11,8 +11,8 @@ import numpy as np
 from dipcg.camera import View
 from dipcg.generators import load_generator
 from dipcg.images import save_image
-from dipcg.preview import same_camera
-from dipcg.worker import BuildPool
+from dipcg.inference.preview import same_camera
+from dipcg.workers.pool import BuildPool
 
 CHAIR = {
     "width": 0.5,

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from dipcg.blender import Blender
+from dipcg.workers.rpc import Blender
 from dipcg.camera import View, camera_position
 from dipcg.generators import load_generator
 from dipcg.images import MARGIN, edges, load_image, save_image
 from dipcg.mesh import Mesh
-from dipcg.worker import BuildPool
+from dipcg.workers.pool import BuildPool
 
 FOLDER = Path(__file__).parent / "images"
 CHAIRS = {

@@ -7,9 +7,9 @@ import numpy as np
 import torch
 
 from dipcg.camera import View
-from dipcg.compare import SIDE
+from dipcg.inference.compare import SIDE
 from dipcg.config import ModelConfig
-from dipcg.denoiser import Estimator
+from dipcg.model.denoiser import Estimator
 from dipcg.generators import load_generator
 from dipcg.images import MARGIN
 from dipcg.pipeline import Candidate, Estimate, Inverter

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from dipcg.export import Asset
+from dipcg.export.asset import Asset
 from dipcg.generators import load_generator
 from dipcg.surface import Maps, corner_normals
-from dipcg.worker import BuildPool
+from dipcg.workers.pool import BuildPool
 
 settings.register_profile("steady", deadline=None)  # a loaded machine is no failure
 settings.load_profile("steady")

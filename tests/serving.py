@@ -9,10 +9,10 @@ from typing import Any
 import torch
 from boxes import TINY, TRUTH, VIEW, untrained
 
-from dipcg.app import build_page, launch
-from dipcg.app_studio import Studio
-from dipcg.app_work import Found, Work
-from dipcg.checkpoint import save_checkpoint
+from dipcg.app.server import build_page, launch
+from dipcg.app.service import Studio
+from dipcg.app.state import Found, Work
+from dipcg.model.checkpoint import save_checkpoint
 from dipcg.config import ModelConfig
 from dipcg.images import Source
 from dipcg.pipeline import Estimate, Inverter

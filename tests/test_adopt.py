@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dipcg.adopt import adopt
-from dipcg.cli import main
+from dipcg.blender.importer import adopt
+from dipcg.cli.commands import main
 from dipcg.generators import load_generator
-from dipcg.generators._declared import write_declaration
+from dipcg.blender.declaration import write_declaration
 from dipcg.space import Choice, Real
-from dipcg.worker import BuildPool
+from dipcg.workers.pool import BuildPool
 
 HERE = Path(__file__).parent
 LAMP = HERE.parent / "examples" / "lamp.blend"
@@ -190,13 +190,13 @@ def test_a_file_that_cannot_be_used_gets_a_sentence(capsys, blends, name, words,
 def test_blender_that_stops_hangs_or_is_missing_gets_a_sentence(capsys, blends, monkeypatch):
     add = ["generators", "add", blends / "instances.blend"]
     with monkeypatch.context() as patch:
-        patch.setattr("dipcg.adopt.sys.executable", shutil.which("false"))
+        patch.setattr("dipcg.blender.importer.sys.executable", shutil.which("false"))
         assert "it may be damaged. Its exit code was 1." in sentence(capsys, *add)
     with monkeypatch.context() as patch:
-        patch.setattr("dipcg.adopt.TIMEOUT_S", 0.01)
+        patch.setattr("dipcg.blender.importer.TIMEOUT_S", 0.01)
         assert "took longer than 0.01 s" in sentence(capsys, *add)
     with monkeypatch.context() as patch:
-        patch.setattr("dipcg.adopt.find_spec", lambda name: None)
+        patch.setattr("dipcg.blender.importer.find_spec", lambda name: None)
         assert "needs bpy: run `pip install" in sentence(capsys, *add)
 
 

@@ -17,11 +17,13 @@ from hypothesis import strategies as st
 from PIL import Image
 from serving import OPEN
 
-from dipcg import app_actions, app_work, registry
-from dipcg.app_parameters import rows
-from dipcg.app_viewer import scene
-from dipcg.app_work import Work
-from dipcg.cli import main
+from dipcg.app import actions as app_actions
+from dipcg.app import state as app_work
+from dipcg import registry
+from dipcg.app.panel import rows
+from dipcg.app.viewer import scene
+from dipcg.app.state import Work
+from dipcg.cli.commands import main
 from dipcg.generators import load_generator
 from dipcg.space import Real, params_from_json
 

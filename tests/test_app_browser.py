@@ -15,7 +15,7 @@ import trimesh
 from boxes import BOX
 from playwright.sync_api import Locator, Page, expect, sync_playwright
 
-from dipcg.export import Asset
+from dipcg.export.asset import Asset
 from dipcg.images import load_image, save_image
 from dipcg.space import Params, params_from_json
 

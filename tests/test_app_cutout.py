@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dipcg.app_cutout import MOST_CROPPED, SIDE, Correction, corrected, cropped, shown
+from dipcg.app.cutout import MOST_CROPPED, SIDE, Correction, corrected, cropped, shown
 from dipcg.images import ImageError
 
 SHARES = st.floats(0, MOST_CROPPED / 2)

@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from serving import OPEN
 
-from dipcg import app_work
-from dipcg.app_desk import Change, Desk
-from dipcg.app_events import Events
-from dipcg.app_work import Found, Work
-from dipcg.worker import BuildError
+from dipcg.app import state as app_work
+from dipcg.app.session import Change, Desk
+from dipcg.app.events import Events
+from dipcg.app.state import Found, Work
+from dipcg.workers.pool import BuildError
 
 OTHER = BOX.sample(np.random.default_rng(1))
 FRESH = Work("box", (Found(OTHER, VIEW),), 0, OTHER)

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from dipcg import app_actions
-from dipcg.export import FORMATS
+from dipcg.app import actions as app_actions
+from dipcg.export.asset import FORMATS
 from dipcg.space import params_from_json
 
 T = TypeVar("T")

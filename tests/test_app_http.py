@@ -14,7 +14,7 @@ from gradio_client import Client, handle_file
 from gradio_client.exceptions import AppError
 from PIL import Image
 
-from dipcg.app_limits import MOST_BODY_BYTES
+from dipcg.app.limits import MOST_BODY_BYTES
 from dipcg.images import MAX_PIXELS
 
 

@@ -78,10 +78,10 @@ def test_lower_layers_are_free_of_torch(path: Path) -> None:
     assert name not in TORCH_FREE or not any(top_level(m) == "torch" for m in named), f"{path.name} imports torch"
 
 
-@pytest.mark.parametrize("what", ["import dipcg", "import dipcg.doctor", "worker", "dipcg --help"])
+@pytest.mark.parametrize("what", ["import dipcg", "import dipcg.cli.doctor", "worker", "dipcg --help"])
 def test_light_entry_points_load_neither_torch_nor_blender(what: str) -> None:
     code = {
-        "worker": "import dipcg.worker, dipcg.generators\n" + every_module_of(LAYERS[0] + LAYERS[1]),
+        "worker": "import dipcg.workers.pool, dipcg.generators\n" + every_module_of(LAYERS[0] + LAYERS[1]),
         "dipcg --help": HELP,
     }.get(what, what)
     heavy = "print('loaded', sorted({'torch', 'bpy', 'infinigen', 'transformers', 'gradio'} & set(sys.modules)))"
@@ -121,7 +121,7 @@ def test_files_are_short(path: Path) -> None:
 
 
 HELP = """
-from dipcg.cli import main
+from dipcg.cli.commands import main
 sys.argv = ["dipcg", "--help"]
 try:
     main()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from dipcg.augment import augment
+from dipcg.training.augment import augment
 from dipcg.camera import View
 from dipcg.config import AugmentConfig
 from dipcg.generators import as_mesh

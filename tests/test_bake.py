@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 import trimesh
 
-from dipcg.blender import Blender, BlenderError
+from dipcg.workers.rpc import Blender, BlenderError
 from dipcg.camera import View
-from dipcg.export import Asset
+from dipcg.export.asset import Asset
 from dipcg.generators import load_generator
-from dipcg.generators._declared import live_settings
-from dipcg.generators._materials import FAMILIES, family
+from dipcg.blender.declaration import live_settings
+from dipcg.blender.materials import FAMILIES, family
 from dipcg.images import MARGIN
 from dipcg.render import Renderer
 from dipcg.surface import Maps
-from dipcg.worker import BuildPool
+from dipcg.workers.pool import BuildPool
 
 LAMP = Path(__file__).parents[1] / "examples/lamp.toml"
 SEED = 3

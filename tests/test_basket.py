@@ -13,7 +13,7 @@ from dipcg.generators import load_generator
 from dipcg.mesh import Mesh, make_mesh
 from dipcg.metrics import sample_surface
 from dipcg.metrics.chamfer import nearest
-from dipcg.worker import BuildPool
+from dipcg.workers.pool import BuildPool
 
 SEEDS = (2, 3, 9)  # of assets within the published ranges: sharp; rounded; with 115 bars for holes, which take seconds
 BASKET = load_generator("basket")
@@ -23,7 +23,7 @@ pytestmark = [pytest.mark.blender, pytest.mark.skipif(bool(BASKET.missing), reas
 DIRECT = """
 import json, os, sys
 import numpy as np
-from dipcg.generators._infinigen import clean_blender, find_node, import_infinigen, silence
+from dipcg.blender.infinigen import clean_blender, find_node, import_infinigen, silence
 
 module = import_infinigen("infinigen.assets.objects.organizer.basket")
 inexact, found = module.geometry_nodes, {}

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from dipcg.batch import BatchError, open_batch
+from dipcg.cli.batch import BatchError, open_batch
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from dipcg.generators import load_generator
 from dipcg.mesh import Mesh, make_mesh
 from dipcg.metrics import sample_surface
 from dipcg.metrics.chamfer import nearest
-from dipcg.worker import BuildPool
+from dipcg.workers.pool import BuildPool
 
 CHAIR = load_generator("chair")
 SEEDS = (2, 3, 11, 13, 19)  # of assets within the published ranges, see `test_the_assets_have_all_kinds_of_parts`
@@ -23,7 +23,7 @@ pytestmark = [pytest.mark.blender, pytest.mark.skipif(bool(CHAIR.missing), reaso
 DIRECT = """
 import json, os, sys
 import numpy as np
-from dipcg.generators._infinigen import clean_blender, import_infinigen, middle, read_piece, replaced, silence
+from dipcg.blender.infinigen import clean_blender, import_infinigen, middle, read_piece, replaced, silence
 
 module = import_infinigen("infinigen.assets.objects.seating.chairs.chair")
 found = {}

@@ -12,14 +12,15 @@ import torch
 from PIL import Image
 
 import dipcg.generators
-from dipcg import registry, worker
-from dipcg.checkpoint import save_checkpoint
-from dipcg.cli import main
-from dipcg.cli_assets import parse_settings
+from dipcg.workers import pool as worker
+from dipcg import registry
+from dipcg.model.checkpoint import save_checkpoint
+from dipcg.cli.commands import main
+from dipcg.cli.assets import parse_settings
 from dipcg.config import ModelConfig
-from dipcg.denoiser import Estimator
+from dipcg.model.denoiser import Estimator
 from dipcg.generators import load_generator
-from dipcg.weights import shipped
+from dipcg.model.zoo import shipped
 
 TINY = ModelConfig(width=16, depth=1, heads=2, summary=16)
 PARAMS = {"width": 0.5, "depth": 0.6, "height": 0.7, "top": "open", "lid_height": 0.3, "overhang": 0.075}
@@ -312,7 +313,7 @@ def test_infinigen_not_installed(capsys, monkeypatch, no_builds):
 
 
 def test_a_generator_without_a_checkpoint(capsys, monkeypatch, picture, tmp_path):
-    monkeypatch.setattr("dipcg.weights.SHIPPED", tmp_path / "none")
+    monkeypatch.setattr("dipcg.model.zoo.SHIPPED", tmp_path / "none")
     said = sentence(capsys, "estimate", picture, "-g", "box", "-o", "a.glb")
     assert "There is no trained checkpoint for 'box'" in said
     assert "dipcg train box" in said
@@ -346,7 +347,7 @@ def test_generators_are_listed_with_parameters_and_whether_they_can_be_estimated
 
 def test_a_checkpoint_in_the_package_makes_its_generator_estimable(capsys, monkeypatch, untrained, tmp_path):
     (tmp_path / "box").symlink_to(untrained)
-    monkeypatch.setattr("dipcg.weights.SHIPPED", tmp_path)
+    monkeypatch.setattr("dipcg.model.zoo.SHIPPED", tmp_path)
     rows = json.loads(run(capsys, "generators", "--json")[1])
     assert {row["name"]: row["estimates"] for row in rows} == {
         name: name == "box" for name in registry.names("generators")

@@ -9,12 +9,12 @@ import torch
 import trimesh
 from PIL import Image
 
-from dipcg.checkpoint import save_checkpoint
-from dipcg.cli import main
+from dipcg.model.checkpoint import save_checkpoint
+from dipcg.cli.commands import main
 from dipcg.config import ModelConfig
-from dipcg.denoiser import Estimator
+from dipcg.model.denoiser import Estimator
 from dipcg.generators import load_generator
-from dipcg.preview import SIDE
+from dipcg.inference.preview import SIDE
 
 TINY = ModelConfig(width=16, depth=1, heads=2, summary=16)
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from tests.test_store import rows, write_generator
 
-from dipcg import store
-from dipcg.cluster import Ray
-from dipcg.store import Progress, Store, build_dataset
-from dipcg.worker import BuildError
+from dipcg.data import store
+from dipcg.data.cluster import Ray
+from dipcg.data.store import Progress, Store, build_dataset
+from dipcg.workers.pool import BuildError
 
 ray = pytest.importorskip("ray")
 COUNT = 24

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from dipcg.codec import decode_mesh, encode_mesh
+from dipcg.data.codec import decode_mesh, encode_mesh
 from dipcg.generators import load_generator
 from dipcg.mesh import Mesh, make_mesh
-from dipcg.worker import BuildPool
+from dipcg.workers.pool import BuildPool
 
 
 def shapes() -> dict[str, Mesh]:

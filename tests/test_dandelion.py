@@ -13,7 +13,7 @@ from dipcg.generators import load_generator
 from dipcg.mesh import Mesh
 from dipcg.metrics import sample_surface
 from dipcg.metrics.chamfer import nearest
-from dipcg.worker import BuildPool
+from dipcg.workers.pool import BuildPool
 
 MODES = ("full_flower", "no_flower", "sparse_flower")
 FILAMENTS = 40  # of a seed
@@ -25,7 +25,7 @@ pytestmark = [pytest.mark.blender, pytest.mark.skipif(bool(DANDELION.missing), r
 DIRECT = """
 import json, os, sys
 import numpy as np
-from dipcg.generators._infinigen import clean_blender, import_infinigen, middle, read_piece, replaced, silence
+from dipcg.blender.infinigen import clean_blender, import_infinigen, middle, read_piece, replaced, silence
 from dipcg.mesh import make_mesh
 from dipcg.metrics import sample_surface
 

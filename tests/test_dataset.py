@@ -7,7 +7,7 @@ import pytest
 
 from dipcg.camera import VIEW_NUMBERS, View, decode_view
 from dipcg.config import AugmentConfig
-from dipcg.dataset import Picture, Pictures, Shapes
+from dipcg.training.pictures import Picture, Pictures, Shapes
 from dipcg.generators import load_generator
 
 BOX = load_generator("box")

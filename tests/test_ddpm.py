@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.distributions import Normal, kl_divergence
 
-from dipcg import ddpm
+from dipcg.model import ddpm
 
 PLAN = ddpm.schedule(40)
 MEAN, SPREAD = 0.3, 0.15  # of the one-dimensional data below: nearly all of it is in [-1, 1]

@@ -10,8 +10,9 @@ import sys
 
 import pytest
 
-from dipcg import doctor, registry
-from dipcg.doctor import Check
+from dipcg.cli import doctor
+from dipcg import registry
+from dipcg.cli.doctor import Check
 
 COMMANDS = {"apt-get", "sudo", "pip", "make", "ps"}
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.stats import qmc
 
-from dipcg.draws import Draws
+from dipcg.data.draws import Draws
 from dipcg.generators import load_generator
 
 

@@ -17,13 +17,13 @@ import trimesh
 from PIL import Image
 from safetensors.numpy import load_file
 
-from dipcg.cli import main
+from dipcg.cli.commands import main
 from dipcg.generators import load_generator
 from dipcg.images import MARGIN, save_image
 from dipcg.pipeline import Inverter
-from dipcg.rank import rank
+from dipcg.inference.rank import rank
 from dipcg.render import Renderer
-from dipcg.store import Store
+from dipcg.data.store import Store
 
 SPACE = load_generator("box").space
 COUNT = 60  # three of them in the test split
@@ -137,7 +137,7 @@ def test_a_finished_run_of_another_model_is_not_continued(data, trained):
 
 TRAIN = """
 import json, sys
-from dipcg import train
+from dipcg.training import train
 from dipcg.config import ModelConfig, TrainConfig
 
 data, out, minutes = sys.argv[1:]

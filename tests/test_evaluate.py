@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from boxes import BOX, untrained, write_ball
 
-from dipcg.baselines import Shape, built_shapes, middle, shortlist, stored_shapes
-from dipcg.cli import main
-from dipcg.evaluate import Case, Plan, evaluate, pair_cases, split_cases
+from dipcg.evaluation.baselines import Shape, built_shapes, middle, shortlist, stored_shapes
+from dipcg.cli.commands import main
+from dipcg.evaluation.evaluate import Case, Plan, evaluate, pair_cases, split_cases
 from dipcg.metrics import chamfer, parameter_error, surface_points
 from dipcg.pipeline import Inverter
-from dipcg.store import Store, build_dataset
+from dipcg.data.store import Store, build_dataset
 
 COUNT = 60  # three of them in the test split, 54 to train with
 CHAMFER = Plan(2, 2, metrics=["chamfer"])

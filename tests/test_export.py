@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from dipcg.export import TEXTURED, USD, Asset, ExportError, check_faces, check_target, check_texture
+from dipcg.export.asset import TEXTURED, USD, Asset, ExportError, check_faces, check_target, check_texture
 from dipcg.mesh import Mesh, make_mesh
 from dipcg.render import PALETTE
 from dipcg.space import params_from_json
@@ -246,7 +246,7 @@ def test_an_asset_is_not_written_where_it_cannot_be(asset, tmp_path):
 
 @pytest.mark.parametrize(("suffix", "module"), [(".usdz", "pxr"), (".blend", "bpy")])
 def test_a_format_says_what_it_lacks(tmp_path, monkeypatch, suffix, module):
-    monkeypatch.setattr("dipcg.export.find_spec", lambda name: None)
+    monkeypatch.setattr("dipcg.export.asset.find_spec", lambda name: None)
     with pytest.raises(ExportError, match=rf"\{suffix} files need the module {module}: run pip install"):
         check_target(tmp_path / f"a{suffix}")
 

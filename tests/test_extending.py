@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from dipcg.cli import main
+from dipcg.cli.commands import main
 from dipcg.generators import load_generator
 from dipcg.images import MARGIN, save_image
 from dipcg.render import Renderer
 from dipcg.space import params_from_json
-from dipcg.store import Store
+from dipcg.data.store import Store
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "extending.md").read_text()

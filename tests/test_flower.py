@@ -12,7 +12,7 @@ import pytest
 from dipcg.generators import load_generator
 from dipcg.mesh import Mesh, make_mesh
 from dipcg.metrics import chamfer, surface_points
-from dipcg.worker import BuildPool
+from dipcg.workers.pool import BuildPool
 
 SEEDS = (16, 48, 66)  # of assets within the published ranges; most have more petals
 FLOWER = load_generator("flower")
@@ -23,7 +23,7 @@ pytestmark = [pytest.mark.blender, pytest.mark.skipif(bool(FLOWER.missing), reas
 DIRECT = """
 import json, os, sys
 import numpy as np
-from dipcg.generators._infinigen import clean_blender, import_infinigen, read_piece, replaced, silence
+from dipcg.blender.infinigen import clean_blender, import_infinigen, read_piece, replaced, silence
 
 module = import_infinigen("infinigen.assets.objects.grassland.flower")
 set_inputs = module.butil.set_geomod_inputs

@@ -9,15 +9,15 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from dipcg.cli import main
-from dipcg.evaluate import split_cases
-from dipcg.export import Asset
-from dipcg.foreign import align, axis_rotations, measure_meshes, read_mesh, write_pictures
+from dipcg.cli.commands import main
+from dipcg.evaluation.evaluate import split_cases
+from dipcg.export.asset import Asset
+from dipcg.evaluation.external import align, axis_rotations, measure_meshes, read_mesh, write_pictures
 from dipcg.mesh import MeshError, make_mesh
 from dipcg.metrics import normalise, surface_points
 from dipcg.metrics.chamfer import measure as chamfer
-from dipcg.store import Store, build_dataset
-from dipcg.topology import quads_in, topology
+from dipcg.data.store import Store, build_dataset
+from dipcg.evaluation.topology import quads_in, topology
 
 
 @pytest.fixture(scope="module")

@@ -8,12 +8,12 @@ import pytest
 import torch
 from boxes import untrained
 
-from dipcg.checkpoint import load_checkpoint
-from dipcg.kinds import ENCODER, fingerprint, fit, load_kinds, summaries
+from dipcg.model.checkpoint import load_checkpoint
+from dipcg.inference.classifier import ENCODER, fingerprint, fit, load_kinds, summaries
 from dipcg.pipeline import Inverter
-from dipcg.recognise import DOUBTED, at_a_glance, doubt, recognise, strangeness
-from dipcg.store import build_dataset
-from dipcg.weights import find_checkpoint, shipped
+from dipcg.inference.recognise import DOUBTED, at_a_glance, doubt, recognise, strangeness
+from dipcg.data.store import build_dataset
+from dipcg.model.zoo import find_checkpoint, shipped
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "images"
 RING = """
@@ -69,7 +69,7 @@ def test_the_classifier_that_ships_belongs_to_the_encoder_that_ships_and_knows_a
 
 @pytest.mark.parametrize("name", shipped())
 def test_each_example_is_recognised_without_a_build(name, monkeypatch):
-    monkeypatch.setattr("dipcg.recognise.rank", None)
+    monkeypatch.setattr("dipcg.inference.recognise.rank", None)
     inverters = {other: Inverter(*load_checkpoint(find_checkpoint(other))[:2]) for other in {ENCODER, "vase", name}}
     found = recognise(EXAMPLES / f"{name}.png", inverters)
     assert found[0][0] == name

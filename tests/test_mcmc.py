@@ -7,14 +7,14 @@ import pytest
 from PIL import Image
 
 from dipcg.camera import View
-from dipcg.cli import main
+from dipcg.cli.commands import main
 from dipcg.generators import load_generator
 from dipcg.images import MARGIN, save_image
-from dipcg.mcmc import Metropolis, Moves, Objective, RandomSearch, make_searcher, reflect, search
+from dipcg.inference.search import Metropolis, Moves, Objective, RandomSearch, make_searcher, reflect, search
 from dipcg.render import Renderer
 from dipcg.space import Choice, ParameterSpace, Real, params_from_json
-from dipcg.trace import Trace, marks
-from dipcg.worker import BuildPool
+from dipcg.inference.trace import Trace, marks
+from dipcg.workers.pool import BuildPool
 
 SPACE = ParameterSpace(Real("a", 0, 1), Choice("b", (1, 2, 3)), Real("c", 0, 1))
 

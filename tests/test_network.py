@@ -10,11 +10,11 @@ from torch import Tensor
 
 from dipcg.camera import VIEW_NUMBERS
 from dipcg.config import ModelConfig
-from dipcg.denoiser import Condition, Estimator, Outputs, attend
-from dipcg.diffusion import denoising_loss, guess_loss, interpolate, prediction_loss, with_view
+from dipcg.model.denoiser import Condition, Estimator, Outputs, attend
+from dipcg.model.flow import denoising_loss, guess_loss, interpolate, prediction_loss, with_view
 from dipcg.encoders import Features, build_encoder
 from dipcg.generators import load_generator
-from dipcg.sampling import SAMPLERS, sample
+from dipcg.model.sampling import SAMPLERS, sample
 from dipcg.space import Choice, ParameterSpace
 
 TINY = ModelConfig(width=24, depth=2, heads=2, summary=16)

@@ -7,20 +7,20 @@ import pytest
 import torch
 from PIL import Image
 
-from dipcg import ddpm
+from dipcg.model import ddpm
 from dipcg.camera import VIEW_NUMBERS, ViewGrid, encode_view
-from dipcg.cli import main
+from dipcg.cli.commands import main
 from dipcg.config import ModelConfig, TrainConfig
-from dipcg.dataset import Batch
-from dipcg.dit import DiT
+from dipcg.training.pictures import Batch
+from dipcg.model.dit import DiT
 from dipcg.encoders import build_encoder
-from dipcg.estimators import UNSEEN_VIEW, PaperEstimator, build_estimator
+from dipcg.model.estimators import UNSEEN_VIEW, PaperEstimator, build_estimator
 from dipcg.generators import load_generator
 from dipcg.pipeline import Inverter
-from dipcg.recipes import RECIPES, find_recipe, published_views
-from dipcg.sampling import sample
-from dipcg.store import build_dataset
-from dipcg.train import Run
+from dipcg.training.recipes import RECIPES, find_recipe, published_views
+from dipcg.model.sampling import sample
+from dipcg.data.store import build_dataset
+from dipcg.training.train import Run
 
 BOX = load_generator("box")
 TINY = ModelConfig(width=24, depth=2, heads=2, summary=0, objective="ddpm", steps=250)
@@ -169,7 +169,7 @@ def data(tmp_path_factory):
 
 def test_flags_change_a_recipe_and_leave_the_rest_of_it(data, tmp_path, monkeypatch):
     asked: list[tuple[TrainConfig, ModelConfig]] = []
-    monkeypatch.setattr("dipcg.train.train", lambda data, out, train, model, report: asked.append((train, model)))
+    monkeypatch.setattr("dipcg.training.train.train", lambda data, out, train, model, report: asked.append((train, model)))
     words = ["train", "box", "--data", str(data), "-o", str(tmp_path)]
     main([*words, "--recipe", "small", "--batch", "8", "--augment.mask", "0.5"])
     main([*words, "--width", "24"])

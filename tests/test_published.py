@@ -7,11 +7,11 @@ import torch
 import torch.nn.functional as F
 from safetensors.torch import save_file
 
-from dipcg.checkpoint import load_checkpoint
-from dipcg.cli import main
+from dipcg.model.checkpoint import load_checkpoint
+from dipcg.cli.commands import main
 from dipcg.generators import load_generator
-from dipcg.published import convert, read_weights
-from dipcg.weights import CheckpointError
+from dipcg.model.convert import convert, read_weights
+from dipcg.model.zoo import CheckpointError
 
 SPACE = load_generator("box").space
 WIDTH, DEPTH, CHANNELS = 64, 3, 32

@@ -10,12 +10,12 @@ import torch
 from boxes import BOX, TRUTH, VIEW, among, picture, untrained, with_changes, write_ball
 
 from dipcg.camera import View
-from dipcg.compare import SIDE, Picture
+from dipcg.inference.compare import SIDE, Picture
 from dipcg.images import edges, prepare
-from dipcg.locks import check_kept, needed
+from dipcg.model.constraints import check_kept, needed
 from dipcg.pipeline import Inverter
-from dipcg.rank import rank, warning
-from dipcg.recognise import chances, recognise
+from dipcg.inference.rank import rank, warning
+from dipcg.inference.recognise import chances, recognise
 from dipcg.space import Choice, ParameterSpace, Real
 
 

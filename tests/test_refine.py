@@ -8,8 +8,8 @@ import pytest
 from boxes import BOX, TRUTH, among, picture, untrained, with_changes
 
 from dipcg.pipeline import Inverter
-from dipcg.rank import rank
-from dipcg.refine import PATIENCE, refine
+from dipcg.inference.rank import rank
+from dipcg.inference.refine import PATIENCE, refine
 
 LONG = 1000.0  # seconds; builds end the search
 

@@ -18,7 +18,7 @@ from dipcg.generators import load_generator
 from dipcg.images import MARGIN, crop_to_object
 from dipcg.mesh import Mesh, join
 from dipcg.render import Look, Renderer, sample_look
-from dipcg.worker import BuildPool
+from dipcg.workers.pool import BuildPool
 
 SIZE = 128
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2

@@ -13,15 +13,15 @@ import torch
 from boxes import TINY
 from PIL import Image
 
-from dipcg import snapshots
-from dipcg.checkpoint import save_checkpoint
-from dipcg.denoiser import Estimator
+from dipcg.training import snapshots
+from dipcg.model.checkpoint import save_checkpoint
+from dipcg.model.denoiser import Estimator
 from dipcg.generators import load_generator
-from dipcg.snapshots import SHOWN, SIDE, TAG
-from dipcg.store import build_dataset
-from dipcg.tracking import Log
-from dipcg.train import Status
-from dipcg.validate import Validation
+from dipcg.training.snapshots import SHOWN, SIDE, TAG
+from dipcg.data.store import build_dataset
+from dipcg.training.log import Log
+from dipcg.training.train import Status
+from dipcg.training.validate import Validation
 
 accumulator = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
 

@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 import torch
 
-from dipcg.checkpoint import save_checkpoint
+from dipcg.model.checkpoint import save_checkpoint
 from dipcg.config import ModelConfig, TrainConfig
-from dipcg.estimators import build_estimator
+from dipcg.model.estimators import build_estimator
 from dipcg.generators import load_generator
-from dipcg.train import Run
-from dipcg.weights import CheckpointError
+from dipcg.training.train import Run
+from dipcg.model.zoo import CheckpointError
 
 TINY = ModelConfig(width=16, depth=1, heads=2, summary=16)
 

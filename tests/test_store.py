@@ -15,11 +15,11 @@ import pyarrow.parquet as pq
 import pytest
 
 import dipcg
-from dipcg import store
+from dipcg.data import store
 from dipcg.generators import load_generator
 from dipcg.space import params_from_json
-from dipcg.store import SPLITS, Local, Progress, Store, build_dataset, in_split
-from dipcg.worker import BuildError, BuildPool
+from dipcg.data.store import SPLITS, Local, Progress, Store, build_dataset, in_split
+from dipcg.workers.pool import BuildError, BuildPool
 
 SHARD = 4
 
@@ -52,7 +52,7 @@ def write_generator(folder: Path, body: str, low: float = 1.0) -> str:
 # Building
 
 KILLED = """
-import sys, dipcg.store as store
+import sys, dipcg.data.store as store
 store.SHARD = int(sys.argv[3])
 store.build_dataset(sys.argv[1], sys.argv[2], 20)
 """
@@ -204,8 +204,8 @@ def test_columns_have_the_names_of_the_parameters_and_say_what_made_them(tmp_pat
 # A disk that is full, a folder that cannot be
 
 FULL = """
-import resource, signal, sys, dipcg.store as store
-from dipcg.cli import main
+import resource, signal, sys, dipcg.data.store as store
+from dipcg.cli.commands import main
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 store.SHARD = 4
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), int(sys.argv[2])))

@@ -11,10 +11,10 @@ import pytest
 import trimesh
 
 from dipcg.generators import load_generator
-from dipcg.generators._caps import recapped
+from dipcg.blender.caps import recapped
 from dipcg.mesh import Mesh, make_mesh, weld
 from dipcg.metrics import chamfer, surface_points
-from dipcg.worker import BuildPool
+from dipcg.workers.pool import BuildPool
 
 SEEDS = (0, 5, 11, 12, 15, 20)  # of assets within the published ranges, of each style, with and without stretchers
 TABLE = load_generator("table")
@@ -24,7 +24,7 @@ pytestmark = [pytest.mark.blender, pytest.mark.skipif(bool(TABLE.missing), reaso
 DIRECT = """
 import json, os, sys
 import numpy as np
-from dipcg.generators._infinigen import clean_blender, import_infinigen, read_piece, silence
+from dipcg.blender.infinigen import clean_blender, import_infinigen, read_piece, silence
 
 module = import_infinigen("infinigen.assets.objects.tables.dining_table")
 found = {}

@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from dipcg.metrics import load_metric
-from dipcg.tables import AGAINST, ESTIMATE, Table, bootstrap
-from dipcg.terminal import differences
+from dipcg.evaluation.tables import AGAINST, ESTIMATE, Table, bootstrap
+from dipcg.cli.terminal import differences
 
 CASES = 80
 

@@ -7,10 +7,10 @@ import pytest
 import torch
 
 from dipcg.config import ModelConfig, TrainConfig
-from dipcg.dataset import Batch
-from dipcg.estimators import build_estimator
+from dipcg.training.pictures import Batch
+from dipcg.model.estimators import build_estimator
 from dipcg.generators import load_generator
-from dipcg.train import Run
+from dipcg.training.train import Run
 
 SENTENCES = ModelConfig(encoder="sentence", width=16, depth=1, heads=2, summary=16)  # nothing is normalised by batch
 STEPS, EACH = 3, 4

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from dipcg.export import USD
+from dipcg.export.asset import USD
 
 every_usd = pytest.mark.parametrize("suffix", USD)
 

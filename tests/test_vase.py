@@ -11,7 +11,7 @@ import pytest
 
 from dipcg.generators import load_generator
 from dipcg.mesh import make_mesh
-from dipcg.worker import BuildPool
+from dipcg.workers.pool import BuildPool
 
 SEEDS = (3, 12, 15)  # of assets within the published ranges, smooth and fluted
 VASE = load_generator("vase")
@@ -21,7 +21,7 @@ pytestmark = [pytest.mark.blender, pytest.mark.skipif(bool(VASE.missing), reason
 DIRECT = """
 import json, os, sys
 import numpy as np
-from dipcg.generators._infinigen import clean_blender, import_infinigen, read_piece, silence
+from dipcg.blender.infinigen import clean_blender, import_infinigen, read_piece, silence
 
 module = import_infinigen("infinigen.assets.objects.table_decorations.vase")
 found = {}

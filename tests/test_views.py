@@ -6,10 +6,10 @@ import torch
 
 from dipcg.camera import VIEW_NUMBERS
 from dipcg.config import ModelConfig
-from dipcg.denoiser import Estimator, Prediction
+from dipcg.model.denoiser import Estimator, Prediction
 from dipcg.generators import load_generator
 from dipcg.pipeline import Inverter
-from dipcg.sampling import agreed
+from dipcg.model.sampling import agreed
 
 BOX = load_generator("box")
 

@@ -6,13 +6,13 @@ import torch
 from PIL import Image
 
 from dipcg import registry
-from dipcg.captions import FOLDER, MOST, caption, load_words, reworded, says
-from dipcg.cli import main
-from dipcg.dataset import Shapes
+from dipcg.training.captions import FOLDER, MOST, caption, load_words, reworded, says
+from dipcg.cli.commands import main
+from dipcg.training.pictures import Shapes
 from dipcg.generators import load_generator
 from dipcg.pipeline import Inverter
 from dipcg.space import Choice
-from dipcg.weights import CheckpointError, find_words, shipped
+from dipcg.model.zoo import CheckpointError, find_words, shipped
 
 DESCRIBED = sorted(path.stem for path in FOLDER.glob("[a-z]*.toml"))
 
@@ -38,7 +38,7 @@ def test_no_phrase_stands_for_two_values_of_a_parameter(name):
 
 @pytest.mark.parametrize("name", DESCRIBED)
 def test_a_caption_says_only_what_is_true(name, monkeypatch):
-    monkeypatch.setattr("dipcg.captions.reworded", lambda generator, phrase, rng: phrase)
+    monkeypatch.setattr("dipcg.training.captions.reworded", lambda generator, phrase, rng: phrase)
     generator, rng = load_generator(name), np.random.default_rng(0)
     _, phrases = load_words(generator)
     for _ in range(50):
@@ -74,8 +74,8 @@ def test_a_phrase_in_other_words_never_becomes_the_phrase_for_something_else(nam
 
 
 def test_words_are_put_in_others_where_the_thesaurus_has_some_and_articles_follow(monkeypatch):
-    monkeypatch.setattr("dipcg.captions.REWORDED", 1)
-    monkeypatch.setattr("dipcg.captions._load_thesaurus", lambda: ({"thick": ["ample"]}, {"with": ["having"]}))
+    monkeypatch.setattr("dipcg.training.captions.REWORDED", 1)
+    monkeypatch.setattr("dipcg.training.captions._load_thesaurus", lambda: ({"thick": ["ample"]}, {"with": ["having"]}))
     table, rng = load_generator("table"), np.random.default_rng(0)
     assert (
         reworded(table, "with a thick, thick-edged top with feet", rng) == "having an ample, ample-edged top with feet"
@@ -108,7 +108,7 @@ def test_tokens_do_not_depend_on_the_other_sentences_and_are_zero_after_the_end(
 
 def test_phrases_read_alone_are_put_one_after_the_other():
     pytest.importorskip("transformers")
-    from dipcg.telling import Phrases
+    from dipcg.training.sentences import Phrases
 
     read = Phrases()
     both, one = read([["a chair", "with arms"], ["with arms"]])
@@ -124,7 +124,7 @@ def test_phrases_read_alone_are_put_one_after_the_other():
 def test_a_batch_of_sentences_asks_for_what_is_said_of_shapes_that_are_there(batch):
     pytest.importorskip("transformers")
     from dipcg.encoders.sentence import CHANNELS, LENGTH
-    from dipcg.telling import UNSAID, Sentences
+    from dipcg.training.sentences import UNSAID, Sentences
 
     chair, rng = load_generator("chair"), np.random.default_rng(0)
     many = [chair.space.sample(rng) for _ in range(5)]
@@ -188,7 +188,7 @@ def test_a_sentence_becomes_an_asset_with_its_picture(tmp_path, capsys):
 )
 def test_the_generator_is_heard_in_the_sentence(sentence, name):
     pytest.importorskip("transformers")
-    from dipcg.heard import recognise_text
+    from dipcg.inference.recognise_text import recognise_text
 
     found = recognise_text(sentence)
     assert found[0][0] == name
@@ -199,8 +199,8 @@ def test_the_generator_is_heard_in_the_sentence(sentence, name):
 
 
 def test_the_classifier_of_sentences_that_ships_knows_all_that_ship():
-    from dipcg.heard import ENCODER, FILE
-    from dipcg.kinds import read_kinds
+    from dipcg.inference.recognise_text import ENCODER, FILE
+    from dipcg.inference.classifier import read_kinds
 
     heard = read_kinds(FILE)
     assert (sorted(heard.names), heard.encoder) == (shipped(), ENCODER)
@@ -208,7 +208,7 @@ def test_the_classifier_of_sentences_that_ships_knows_all_that_ship():
 
 def test_a_classifier_of_captions_is_right_about_others():
     pytest.importorskip("transformers")
-    from dipcg.heard import captions, fit, summaries
+    from dipcg.inference.recognise_text import captions, fit, summaries
 
     torch.manual_seed(0)
     kinds = fit(["flower", "box"], 60)
@@ -218,7 +218,7 @@ def test_a_classifier_of_captions_is_right_about_others():
 
 def test_a_generator_that_words_cannot_tell_apart_has_to_be_named():
     pytest.importorskip("transformers")
-    from dipcg.heard import recognise_text
+    from dipcg.inference.recognise_text import recognise_text
 
     with pytest.raises(ValueError, match="Say which generator is meant"):
         recognise_text("a lamp", ["lamp"])

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from dipcg.space import params_from_json
-from dipcg.worker import BuildError, BuildPool
+from dipcg.workers.pool import BuildError, BuildPool
 
 GENERATOR = '''
 """A triangle that misbehaves on request."""
@@ -230,7 +230,7 @@ def test_closing_stops_even_a_hanging_build_at_once(tmp_path):
 
 SCRIPT = """
 import sys
-from dipcg.worker import BuildPool
+from dipcg.workers.pool import BuildPool
 with BuildPool(sys.argv[1], workers=2, timeout_s=60.0) as pool:
     for mesh in pool.map([{"size": 1.0, "mode": "slow"}] * 4):
         print(int(mesh.vertices[2, 2]), flush=True)

@@ -14,7 +14,7 @@ from dipcg.generators import load_generator
 from dipcg.mesh import Mesh
 from dipcg.metrics import chamfer, surface_points
 from dipcg.space import Choice, ParameterSpace, Params, Real
-from dipcg.worker import BuildPool
+from dipcg.workers.pool import BuildPool
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NAMES = [*registry.names("generators"), *(str(EXAMPLES / name) for name in ("lamp.toml", "seashell.py"))]

@@ -24,7 +24,7 @@ import numpy as np
 
 from dipcg import registry
 from dipcg.camera import ViewGrid, ViewRange
-from dipcg.generators._declared import read_declaration
+from dipcg.blender.declaration import read_declaration
 from dipcg.mesh import Mesh, make_mesh, simplify
 from dipcg.space import ParameterSpace, Params
 

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from dipcg.camera import ViewRange
-from dipcg.generators._infinigen import (
+from dipcg.blender.infinigen import (
     find_node,
     graph_object,
     graph_of,

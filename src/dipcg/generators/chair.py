@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from dipcg.camera import ViewRange
-from dipcg.generators._infinigen import (
+from dipcg.blender.infinigen import (
     Piece,
     clean_blender,
     coarse_modifiers,
@@ -30,7 +30,7 @@ from dipcg.generators._infinigen import (
     replaced,
     silence,
 )
-from dipcg.generators._lines import dissolve_straight, every_other_point
+from dipcg.blender.polylines import dissolve_straight, every_other_point
 from dipcg.mesh import Mesh, join
 from dipcg.space import Choice, ParameterSpace, Params, Real
 

@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 
 from dipcg.camera import ViewRange
-from dipcg.generators._infinigen import (
+from dipcg.blender.infinigen import (
     Piece,
     find_node,
     graph_object,

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from dipcg.camera import ViewRange
-from dipcg.generators._infinigen import (
+from dipcg.blender.infinigen import (
     Piece,
     evaluated,
     find_node,

@@ -28,8 +28,8 @@ from typing import Any
 import numpy as np
 
 from dipcg.camera import ViewRange
-from dipcg.generators._caps import recapped
-from dipcg.generators._infinigen import (
+from dipcg.blender.caps import recapped
+from dipcg.blender.infinigen import (
     Piece,
     evaluated,
     find_node,

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from dipcg.camera import ViewRange
-from dipcg.generators._infinigen import (
+from dipcg.blender.infinigen import (
     evaluated,
     graph_object,
     import_infinigen,

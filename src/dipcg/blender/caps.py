@@ -1,0 +1,59 @@
+"""Flat ends of a solid made anew from the rings that they should meet.
+
+Infinigen fills a table's top from a curve that it samples anew, so the fill's corners lie between those of the rim: the
+surface looks closed and has a slit all around.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from dipcg.blender.infinigen import Piece
+
+SAME = 1e-6  # metres within which two corners are one
+FLAT = 1e-5  # metres from the lowest or highest place within which a face lies in an end
+
+
+def recapped(piece: Piece) -> Piece:
+    """The piece with its lowest and highest level faces made anew over the rings around them; closed then."""
+    part, vertices, faces = _welded(piece)
+    height = vertices[faces, 2]
+    level = (height < height.min() + FLAT).all(1) | (height > height.max() - FLAT).all(1)
+    rim = faces[~level]
+    caps = [_filled(vertices, ring) for ring in _rings(rim)]
+    return part, vertices, np.concatenate([rim, *caps]).astype(faces.dtype)
+
+
+def _welded(piece: Piece) -> Piece:
+    part, vertices, faces = piece
+    places = np.rint(vertices / SAME).astype(np.int64)
+    _, first, merged = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    faces = merged.reshape(-1)[faces]
+    return part, vertices[first], faces[(faces != np.roll(faces, 1, axis=1)).all(1)]
+
+
+def _rings(faces: Int[np.ndarray, "f 3"]) -> Iterator[list[int]]:
+    """The open edges as rings, each in the direction in which faces that close it go around."""
+    a, b = faces.ravel().astype(np.int64), np.roll(faces, -1, axis=1).ravel().astype(np.int64)
+    many = faces.max() + 1
+    open_ones = ~np.isin(a * many + b, b * many + a)
+    after = dict(zip(b[open_ones].tolist(), a[open_ones].tolist(), strict=True))
+    while after:
+        ring = [next(iter(after))]
+        while (corner := after.pop(ring[-1])) != ring[0]:
+            ring.append(corner)
+        yield ring
+
+
+def _filled(vertices: Float[np.ndarray, "v 3"], ring: list[int]) -> Int[np.ndarray, "f 3"]:
+    """Triangles over a level ring, seen from above or from below as the ring goes around."""
+    import manifold3d
+
+    flat = vertices[ring, :2].astype(float)
+    (x, y), (later_x, later_y) = flat.T, np.roll(flat, -1, axis=0).T
+    seen_from_below = (x * later_y - later_x * y).sum() < 0
+    turned = flat * [-1.0, 1.0] if seen_from_below else flat
+    return np.array(ring)[np.asarray(manifold3d.triangulate([turned]))]

@@ -1,0 +1,185 @@
+"""A Blender file becomes a generator: its inputs are read in a child process and written down as parameters."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from dipcg.blender.declaration import digest, read_declaration, write_declaration
+from dipcg.space import did_you_mean
+
+TIMEOUT_S = 120.0
+NUMBERS = ("real", "integer")
+
+Entry = dict[str, Any]
+Ranges = Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Adopted:
+    """The file that was written, the names of its parameters, and which inputs are left out and why."""
+
+    path: Path
+    parameters: list[str]
+    left_out: dict[str, str]
+
+
+def adopt(
+    blend: Path,
+    name: str = "",
+    ranges: Ranges | None = None,
+    output: Path | None = None,
+    ask: Callable[[str], str] | None = None,
+) -> Adopted:
+    """Write the TOML file that makes an object of a Blender file a generator.
+
+    `ranges` has "low:high" by name of an input or parameter; for what is still without limits, `ask` is called with a
+    question. Raises ValueError with a sentence that names what is missing, and OSError when a file cannot be used.
+    """
+    path = _free(output or blend.with_suffix(".toml"))
+    found = read_inputs(blend, name)
+    entries, left_out = _numbered(found["inputs"]), dict(found["skipped"])
+    _set_limits(entries, ranges or {}, ask, blend)
+    for key in [key for key, entry in entries.items() if entry["kind"] in NUMBERS and entry["low"] == entry["high"]]:
+        left_out[entries.pop(key)["name"]] = "its lowest value is its highest"
+    if not entries:
+        raise ValueError(f"{blend}: no input of {found['object']!r} can be a parameter ({_listed(left_out)}).")
+    inside = Path(os.path.relpath(blend.resolve(), path.parent.resolve())).as_posix()
+    top = {"doc": f"{found['object']}, the Geometry Nodes of {blend.name}.", "blend": inside}
+    top |= {"object": found["object"], "sha256": digest(blend)}
+    _write(path, write_declaration(top, entries, path))
+    return Adopted(path, list(entries), left_out)
+
+
+def read_inputs(blend: Path, name: str = "") -> dict[str, Any]:
+    """The inputs of a Geometry Nodes modifier, read in a child process; raises ValueError with a sentence."""
+    if not blend.is_file():
+        raise ValueError(f"There is no file {blend}.")
+    if find_spec("bpy") is None:
+        raise ModuleNotFoundError(f"Reading {blend} needs bpy: run `pip install 'dipcg[infinigen]'` (Python 3.11).")
+    command = [sys.executable, "-m", "dipcg.blender.geometry_nodes", str(blend), name]
+    try:
+        with TemporaryDirectory(prefix="dipcg-", ignore_cleanup_errors=True) as folder:  # Blender leaves its own behind
+            environment = os.environ | {"TMPDIR": folder}
+            done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, env=environment)
+        answer = json.loads(done.stdout)
+    except subprocess.TimeoutExpired:
+        raise ValueError(f"Blender took longer than {TIMEOUT_S:g} s over {blend} and was stopped.") from None
+    except ValueError:
+        raise ValueError(f"Blender stopped while it read {blend}; it may be damaged. {_last_line(done)}") from None
+    if "error" in answer:
+        raise ValueError(answer["error"])
+    return answer
+
+
+def _numbered(inputs: list[Entry]) -> dict[str, Entry]:
+    """Parameters by names for the command line; a vector becomes three numbers."""
+    entries: dict[str, Entry] = {}
+    for entry in inputs:
+        for one in _components(entry):
+            name = base = _identifier(one["name"])
+            number = 2
+            while name in entries:
+                name, number = f"{base}_{number}", number + 1
+            entries[name] = one
+    return entries
+
+
+def _components(entry: Entry) -> Iterator[Entry]:
+    doc = entry["doc"] or f"the input {entry['name']}"
+    if entry["kind"] != "vector":
+        yield entry | {"doc": doc, "of": entry["name"]}
+        return
+    for letter, default in zip("xyz", entry["default"], strict=True):
+        one = {"kind": "real", "component": letter, "default": default, "doc": f"{doc}, {letter.upper()}"}
+        yield entry | one | {"name": f"{entry['name']} {letter}", "of": entry["name"]}
+
+
+def _identifier(name: str) -> str:
+    word = re.sub(r"\W+", "_", name).strip("_").lower() or "input"
+    return word if word.isidentifier() else f"_{word}"
+
+
+def _set_limits(entries: dict[str, Entry], ranges: Ranges, ask: Callable[[str], str] | None, blend: Path) -> None:
+    """Apply what was given, ask for what is missing, and drop defaults that lie outside."""
+    _check_names(ranges, entries, blend)
+    for name, entry in entries.items():
+        for key in [key for key in (name, entry["name"], entry["of"]) if key in ranges][:1]:  # shift_x before Shift
+            _narrow(entry, key, ranges[key])
+    if ask:
+        for entry in _endless(entries).values():
+            _narrow(entry, entry["name"], ask(f"{entry['name']} has no limits. Lowest:highest{_in_unit(entry)}? "))
+    missing = list(_endless(entries))
+    if missing:
+        example = f'--range "{missing[0]}=0:1"'
+        raise ValueError(f"These inputs have no limits in {blend}: {', '.join(missing)}. Give each its own: {example}.")
+    for entry in entries.values():
+        if entry["kind"] in NUMBERS and not entry["low"] <= entry["default"] <= entry["high"]:
+            entry["default"] = None
+
+
+def _check_names(ranges: Ranges, entries: dict[str, Entry], blend: Path) -> None:
+    known = {key for name, entry in entries.items() for key in (entry["of"], entry["name"], name)}
+    for key in ranges:
+        if key not in known:
+            raise ValueError(f"There is no input {key!r} in {blend}.{did_you_mean(key, sorted(known))}")
+
+
+def _endless(entries: dict[str, Entry]) -> dict[str, Entry]:
+    return {name: e for name, e in entries.items() if e["kind"] in NUMBERS and None in (e["low"], e["high"])}
+
+
+def _narrow(entry: Entry, key: str, text: str) -> None:
+    """Give a number the limits "low:high", inside those it has."""
+    try:
+        low, high = (float(word) for word in text.split(":"))
+    except ValueError:
+        raise ValueError(f"A range is written name=low:high, like {key}=0.1:0.5, got {text!r}.") from None
+    if entry["kind"] not in NUMBERS:
+        raise ValueError(f"{key} is a {entry['kind']} and has no range.")
+    least, most = entry["low"], entry["high"]
+    if not low < high or (least is not None and low < least) or (most is not None and high > most):
+        inside = f" between {'-∞' if least is None else f'{least:g}'} and {'∞' if most is None else f'{most:g}'}"
+        raise ValueError(f"The range of {key} must rise and lie{inside}{_in_unit(entry)}, got {text}.")
+    whole = entry["kind"] == "integer"
+    entry["low"], entry["high"] = (round(low), round(high)) if whole else (low, high)
+
+
+def _in_unit(entry: Entry) -> str:
+    return f" in {entry['unit']}" if entry["unit"] else ""
+
+
+def _free(path: Path) -> Path:
+    if path.suffix != ".toml":
+        raise ValueError(f"{path} must end in .toml.")
+    if path.exists():
+        raise ValueError(f"{path} is there already; delete it, or choose another with -o.")
+    return path
+
+
+def _write(path: Path, text: str) -> None:
+    """Write the file, and take it away again if it cannot be read back."""
+    path.write_text(text, encoding="utf-8")
+    try:
+        read_declaration(path)
+    except ValueError:
+        path.unlink()
+        raise
+
+
+def _listed(left_out: dict[str, str]) -> str:
+    return "; ".join(f"{name}: {why}" for name, why in left_out.items()) or "it has none"
+
+
+def _last_line(done: subprocess.CompletedProcess[str]) -> str:
+    lines = done.stderr.strip().splitlines()
+    return f"It said: {lines[-1]}." if lines else f"Its exit code was {done.returncode}."

@@ -1,0 +1,181 @@
+"""Commands that make assets of parameters: sample, edit."""
+
+from __future__ import annotations
+
+import json as jsons
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import Positional, UseAppendAction, arg
+
+if TYPE_CHECKING:
+    from dipcg.export.asset import Asset
+    from dipcg.generators import Detail, Generator
+    from dipcg.mesh import Mesh
+    from dipcg.space import Params
+
+Name = Annotated[str, arg(aliases=["-g"], metavar="NAME")]
+Output = Annotated[Path, arg(aliases=["-o"], metavar="FILE")]
+Preview = Annotated[Path | None, arg(metavar="FILE")]
+Settings = Annotated[tuple[tuple[str, ...], ...], UseAppendAction, arg(metavar="NAME=VALUE")]  # one or more, repeatable
+
+
+@dataclass(frozen=True)
+class Written:
+    """What a command writes."""
+
+    output: Output
+    """mesh to write: .glb, .gltf, .obj, .ply, .stl, .usdz, .usda, .usdc or .blend"""
+    params_out: Path | None = None
+    """JSON file for the parameters"""
+    light: bool = False
+    """build the coarse mesh"""
+    faces: Annotated[int | None, arg(metavar="COUNT")] = None
+    """triangles to simplify to; all of them when left out"""
+    texture: Annotated[int | None, arg(metavar="PIXELS")] = None
+    """bake Infinigen's materials to maps of so many pixels along a side, for glTF and USD"""
+    material_seed: int = 0
+    """of the materials, in maps and in .blend files"""
+    json: bool = False
+    """print what was made as JSON"""
+
+    @property
+    def detail(self) -> Detail:
+        return "light" if self.light else "full"
+
+    def check(self) -> None:
+        """Raise export.ExportError for a file that could not be written, before any work is done."""
+        from dipcg.export.asset import check_faces, check_target, check_texture
+
+        check_target(self.output)
+        if self.params_out is not None:
+            check_target(self.params_out, (".json",))
+        if self.faces is not None:
+            check_faces(self.faces)
+        if self.texture is not None:
+            check_texture(self.texture, self.output)
+
+    def finish(self, asset: Asset) -> Asset:
+        """The asset with as many faces and with the maps that were asked for; raises blender.BlenderError."""
+        asset = replace(asset, material_seed=self.material_seed)
+        asset = asset if self.faces is None else asset.with_faces(self.faces)
+        return asset if self.texture is None else _textured(asset, self.texture)
+
+
+Options = Annotated[Written, arg(name="")]
+
+
+def _textured(asset: Asset, size: int) -> Asset:
+    from dipcg.export.textures import texture
+    from dipcg.cli.terminal import bar
+
+    started = time.perf_counter()
+    with bar("baking", 100) as update:
+        made = texture(asset, size, asset.material_seed, lambda share, note: update(int(100 * share), note))
+    print(f"Baked {size} × {size} maps in {time.perf_counter() - started:.0f} s.", file=sys.stderr)
+    return made
+
+
+def sample(name: Positional[str], /, *, written: Options, seed: int = 0, set: Settings = ()) -> None:
+    """Build a random asset, or one with given parameters.
+
+    Args:
+        name: of a generator, or a path to a Python or TOML file
+        written: files and their detail
+        seed: of the random parameters
+        set: parameters to hold, as name=value
+    """
+    import numpy as np
+
+    from dipcg.generators import load_generator
+
+    generator = load_generator(name)
+    params = generator.space.sample(np.random.default_rng(seed))
+    _build_and_write(generator, generator.space.replace(params, parse_settings(set)), written)
+
+
+def edit(
+    file: Positional[Path],
+    /,
+    *,
+    written: Options,
+    set: Settings = (),
+    preview: Preview = None,
+) -> None:
+    """Change parameters of an asset and build it again.
+
+    Args:
+        file: parameters as JSON, from --params-out
+        written: files and their detail
+        set: parameters to change, as name=value
+        preview: PNG file for the asset before and after, from the same camera
+    """
+    from dipcg.export.asset import check_target
+    from dipcg.generators import load_generator
+    from dipcg.space import params_from_json
+
+    name, params = params_from_json(_read(file))
+    generator = load_generator(name)
+    before = generator.space.validate(params)
+    after = generator.space.replace(before, parse_settings(set))
+    if preview is not None:
+        check_target(preview, (".png",))
+    _build_and_write(generator, after, written, preview and (before, preview))
+
+
+def parse_settings(settings: Sequence[Sequence[str]]) -> dict[str, str]:
+    """`name=value` words, as given to each of several flags, as a dict.
+
+    Raises ValueError for a word without `=` and for a name with two values.
+    """
+    words = [word for given in settings for word in given]
+    for word in words:
+        if "=" not in word:
+            raise ValueError(f"A setting is written name=value, got {word!r}.")
+    found: dict[str, str] = {}
+    for name, value in ((part.strip() for part in word.split("=", 1)) for word in words):
+        if found.setdefault(name, value) != value:
+            raise ValueError(f"{name} is given twice, as {found[name]} and as {value}; give it once.")
+    return found
+
+
+def _read(file: Path) -> str:
+    try:
+        return file.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not text"
+        raise ValueError(f"{file} cannot be read as a parameter file ({reason}).") from None
+
+
+def _build_and_write(
+    generator: Generator, params: Params, written: Written, compared: tuple[Params, Path] | None = None
+) -> None:
+    """Build, write, say so; and draw the asset of other parameters beside it."""
+    from dipcg.export.asset import Asset
+    from dipcg.workers.pool import BuildPool
+
+    written.check()
+    with BuildPool(generator.ref) as pool:
+        asset = Asset(pool.build(params, written.detail), generator.ref, params)
+        if compared:
+            _draw_beside(pool.build(compared[0], written.detail), asset.mesh, generator, compared[1])
+    asset = written.finish(asset)
+    asset.export(written.output)
+    if written.params_out is not None:
+        asset.save_params(written.params_out)
+    faces = len(asset.mesh.faces)
+    made = {"generator": generator.name, "output": str(written.output), "faces": faces, "params": params}
+    print(jsons.dumps(made) if written.json else f"Wrote {written.output}, {faces:,} triangles.")
+
+
+def _draw_beside(before: Mesh, after: Mesh, generator: Generator, path: Path) -> None:
+    import numpy as np
+
+    from dipcg.images import save_image
+    from dipcg.inference.preview import same_camera
+
+    save_image(np.concatenate(same_camera([before, after], generator.views.middle), 1), path)

@@ -1,0 +1,97 @@
+"""The command line: words people type, one function each. Nothing heavy is imported before a command needs it.
+
+Exit codes: 0 all done, 1 something failed and a sentence on stderr says what, 2 the command line itself is wrong.
+"""
+
+from __future__ import annotations
+
+import json as jsons
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from functools import partial
+from itertools import pairwise
+
+import tyro
+from tyro.conf import FlagCreatePairsOff
+
+from dipcg.cli.serve import serve
+from dipcg.cli.assets import edit, sample
+from dipcg.cli.estimate import estimate
+from dipcg.cli.generators import generators, generators_add
+from dipcg.cli.convert import import_checkpoint
+from dipcg.cli.evaluate import dataset_build, dataset_gallery, dataset_info, evaluate, train
+from dipcg.cli.mcmc import mcmc
+
+
+def doctor(*, json: bool = False) -> None:
+    """Say what is missing on this machine, and the command that mends it.
+
+    Args:
+        json: print JSON
+    """
+    from dipcg.cli import doctor as checking
+
+    found = checking.checks()
+    print(jsons.dumps([asdict(check) for check in found], indent=1) if json else checking.report(found))
+    if not all(check.ok for check in found):
+        raise SystemExit(1)
+
+
+ABOUT = "From a picture to the parameters of a procedural generator, and so to an exact, light, editable asset."
+COMMANDS = {
+    "generators": generators,
+    "generators add": generators_add,
+    "sample": sample,
+    "estimate": estimate,
+    "edit": edit,
+    "dataset build": dataset_build,
+    "dataset info": dataset_info,
+    "dataset gallery": dataset_gallery,
+    "train": train,
+    "evaluate": evaluate,
+    "mcmc": mcmc,
+    "import-checkpoint": import_checkpoint,
+    "serve": serve,
+    "doctor": doctor,
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run one command; a problem becomes one sentence on stderr and exit code 1."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if " ".join(words[:2]) in COMMANDS:  # tyro knows subcommands of one word
+        words[:2] = [" ".join(words[:2])]
+    try:
+        commands = COMMANDS | {"train": _trainer(words)}
+        tyro.extras.subcommand_cli_from_dict(
+            commands, prog="dipcg", description=ABOUT, args=words, config=(FlagCreatePairsOff,)
+        )
+    except (ValueError, LookupError, RuntimeError, ImportError, OSError) as error:
+        print(_sentence(error), file=sys.stderr)
+        raise SystemExit(1) from None
+    except KeyboardInterrupt:
+        print("Stopped.", file=sys.stderr)
+        raise SystemExit(130) from None
+
+
+def _trainer(words: Sequence[str]) -> Callable[..., None]:
+    """The train command with the defaults of the recipe that the words name, so that other flags still change them."""
+    from dipcg.training.recipes import find_recipe
+
+    given = [word.removeprefix("--recipe=") for word in words if word.startswith("--recipe=")]
+    given += [after for word, after in pairwise(words) if word == "--recipe"]
+    if words[:1] != ["train"] or not given:
+        return train
+    recipe = find_recipe(given[-1])
+    return partial(train, recipe=given[-1], train=recipe.train, model=recipe.model)
+
+
+def _sentence(error: Exception) -> str:
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.filename} cannot be used ({error.strerror})."
+    return str(error.args[0] if error.args and isinstance(error, KeyError) else error)
+
+
+if __name__ == "__main__":
+    main()

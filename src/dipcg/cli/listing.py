@@ -1,0 +1,74 @@
+"""Generators, their parameters and data sets as text or JSON."""
+
+from __future__ import annotations
+
+import json as jsons
+from typing import Any
+
+from dipcg import registry
+from dipcg.generators import load_generator
+from dipcg.space import Choice, Parameter
+from dipcg.model.zoo import shipped
+
+BARS = " ▁▂▃▄▅▆▇█"
+
+
+def generators(json: bool = False) -> str:
+    """The installed generators: how many parameters, whether they can be built and estimated here."""
+    rows = [_generator(name) for name in registry.names("generators")]
+    if json:
+        return jsons.dumps(rows, indent=1)
+    yes_no = {True: "yes", False: "no"}
+    cells = [
+        (r["name"], str(r["parameters"]), yes_no[not r["missing"]], yes_no[r["estimates"]], r["doc"]) for r in rows
+    ]
+    return _aligned([("name", "parameters", "builds here", "estimates", ""), *cells])
+
+
+def parameters(name: str, json: bool = False) -> str:
+    """The parameters of one generator with range or options, unit, condition and meaning."""
+    generator = load_generator(name)
+    if json:
+        return jsons.dumps(generator.space.describe(), indent=1)
+    rows = [(p.group, p.name, _range(p), p.unit, _when(p), p.doc) for p in generator.space]
+    return generator.doc + "\n\n" + _aligned([("part", "parameter", "range", "unit", "active when", "meaning"), *rows])
+
+
+def data_set(summary: dict[str, Any]) -> str:
+    """What `store.Store.summary` found, with a histogram for each parameter."""
+    facts = [(key, str(value)) for key, value in summary.items() if key != "parameters"]
+    histograms = [(name, _bars(found)) for name, found in summary["parameters"].items()]
+    return _aligned(facts) + "\n\n" + _aligned(histograms)
+
+
+def _bars(found: dict[str, int] | list[int]) -> str:
+    if isinstance(found, dict):
+        return ", ".join(f"{option} {count}" for option, count in found.items())
+    most = max(1, *found)
+    return "".join(BARS[round(count / most * (len(BARS) - 1))] for count in found)
+
+
+def _generator(name: str) -> dict[str, Any]:
+    generator = load_generator(name)
+    return {
+        "name": name,
+        "parameters": len(generator.space),
+        "missing": generator.missing,
+        "estimates": name in shipped(),
+        "doc": generator.doc.splitlines()[0] if generator.doc else "",
+    }
+
+
+def _range(parameter: Parameter) -> str:
+    if isinstance(parameter, Choice):
+        return ", ".join(map(str, parameter.options))
+    return f"{parameter.low:g} to {parameter.high:g}"
+
+
+def _when(parameter: Parameter) -> str:
+    return "; ".join(f"{name} is {' or '.join(map(str, allowed))}" for name, allowed in parameter.when.items())
+
+
+def _aligned(rows: list[tuple[str, ...]]) -> str:
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return "\n".join("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows)

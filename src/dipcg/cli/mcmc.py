@@ -1,0 +1,161 @@
+"""The command that searches instead of estimating: MCMC, random search and CMA-ES over renders."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from dipcg.cli.assets import Name
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from dipcg.inference.search import Objective, Point, Score
+    from dipcg.inference.trace import Trace
+
+Folder = Annotated[Path, arg(aliases=["-o"], metavar="FOLDER")]
+SIDE = 256  # of the pictures shown
+
+
+def mcmc(
+    image: Positional[Path],
+    /,
+    *,
+    generator: Name,
+    output: Folder,
+    iterations: int = 10_000,
+    method: Literal["mcmc", "random", "cma"] = "mcmc",
+    score: str = "both",
+    encoder_weights: str = "",
+    start: Literal["random", "estimate"] = "random",
+    chains: int = 4,
+    temperature: float = 0.01,
+    workers: int = 2,
+    seed: int = 0,
+) -> None:
+    """Search for what a picture shows by building and comparing, as the paper's baseline does; a killed one goes on.
+
+    Writes trace.jsonl, trace.png, best.json for `dipcg edit`, and best.png with the best so far after 100, 500, 1,000,
+    2,000, 5,000 and 10,000 calls of the generator.
+
+    Args:
+        image: photograph, drawing or mask
+        generator: what it shows
+        output: folder for what is found
+        iterations: calls of the generator, of all chains together
+        method: Metropolis-Hastings, random search or CMA-ES
+        score: silhouette, edges, both, or an encoder whose features are compared (dinov2, clip; conv: the checkpoint's)
+        encoder_weights: hub name or folder of a pretrained encoder's weights
+        start: from random parameters and cameras, or from the estimate of the checkpoint
+        chains: searches side by side
+        temperature: of the acceptance: the difference in score that is accepted once in e times
+        workers: processes that build
+        seed: of everything random
+    """
+    import numpy as np
+
+    from dipcg.inference.search import Objective, make_searcher, search
+    from dipcg.cli.terminal import bar
+    from dipcg.inference.trace import Trace
+    from dipcg.workers.pool import BuildPool
+
+    if min(iterations, chains, workers) < 1 or not temperature > 0:
+        raise ValueError("iterations, chains and workers must be at least 1, and the temperature above 0.")
+    compare, size = _score(image, generator, score, encoder_weights)
+    settings = {"image": str(image), "generator": generator, "method": method, "score": score, "start": start}
+    trace = Trace(output, settings | {"chains": chains, "temperature": temperature, "seed": seed})
+    with BuildPool(generator, workers) as pool, bar("searching", iterations) as update:
+        objective = Objective(pool, compare, size)
+        first = _estimated(image, generator, objective) if start == "estimate" else None
+        searcher = make_searcher(method, objective, np.random.default_rng(seed), chains, temperature, first)
+        before, begun, best = trace.seconds, time.perf_counter(), {}
+        past = trace.scores[:iterations]
+        for tried in search(searcher, objective, iterations, past):
+            if tried.call > len(past):
+                trace.add(before + time.perf_counter() - begun, tried.score)
+            best[tried.call] = tried.best_point
+            update(tried.call, f"best {tried.best:.3f}")
+        trace.close()
+        _write(output, image, trace, objective, best)
+
+
+def _score(image: Path, generator: str, name: str, weights: str) -> tuple[Score, int]:
+    """A distance between the picture and a render, and the side of the renders it wants."""
+    from dipcg.inference.compare import SIDE, Match, Picture
+    from dipcg.images import prepare
+
+    rules: dict[str, Callable[[Match], float]] = {
+        "silhouette": lambda match: 1 - (match.silhouette or 0.0),
+        "edges": lambda match: 1 - match.lines,
+        "both": lambda match: 1 - match.agreement,
+    }
+    if name not in rules:
+        return _feature_score(image, generator, name, weights)
+    picture = Picture(*prepare(image, SIDE))
+    if name == "silhouette" and not picture.has_silhouette:
+        raise ValueError(f"{image} has no silhouette to trust; use --score edges.")
+    return lambda render: rules[name](picture.match(render)), SIDE
+
+
+def _feature_score(image: Path, generator: str, name: str, weights: str) -> tuple[Score, int]:
+    from dipcg.model.checkpoint import load_checkpoint
+    from dipcg.config import ModelConfig
+    from dipcg.encoders import build_encoder, feature_distance
+    from dipcg.images import prepare
+    from dipcg.model.zoo import find_checkpoint
+
+    if name == "conv":  # means nothing untrained
+        encoder = load_checkpoint(find_checkpoint(generator))[0].encoder
+    else:
+        encoder = build_encoder(ModelConfig(encoder=name, encoder_weights=weights, summary=0))
+    size = int(encoder.image_size)  # type: ignore[arg-type]
+    return feature_distance(encoder, prepare(image, size)[0]), size
+
+
+def _estimated(image: Path, generator: str, objective: Objective) -> Point:
+    from dipcg.pipeline import Inverter
+
+    with Inverter.load(generator) as inverter:
+        found = inverter.estimate(image)
+        return objective.point(found.params, found.view)
+
+
+def _write(output: Path, image: Path, trace: Trace, objective: Objective, best: dict[int, Point]) -> None:
+    import numpy as np
+
+    from dipcg.images import over_white, prepare, save_image
+    from dipcg.space import params_to_json
+    from dipcg.inference.trace import labelled, marks, plot_traces
+
+    tiles = [labelled(over_white(prepare(image, SIDE)[0]), "picture")]
+    for mark in marks(len(best)):
+        line = trace.lines[mark - 1]
+        tiles.append(labelled(_drawn(objective, best[mark]), f"{mark:,} calls, {line.seconds:.0f} s"))
+        print(f"{mark:6d} calls {line.seconds:8.1f} s   best {line.best:.4f}")
+    save_image(np.concatenate(tiles, 1), output / "best.png")
+    plot_traces({"best so far": trace.lines[: len(best)]}, output / "trace.png")
+    params = objective.params(best[len(best)])
+    (output / "best.json").write_text(params_to_json(params, objective.generator.ref))
+    print(f"Wrote best.json, best.png and trace.png to {output}. Try: dipcg edit {output / 'best.json'} -o best.glb")
+
+
+def _drawn(objective: Objective, point: Point) -> np.ndarray:
+    """The render of a point, or a blank picture for one that could not be built."""
+    import numpy as np
+
+    from dipcg.images import MARGIN, over_white
+    from dipcg.render import Renderer
+    from dipcg.workers.pool import BuildError
+
+    try:
+        mesh = objective.pool.build(objective.params(point), "light")
+    except BuildError:
+        return np.full((SIDE, SIDE, 3), 255, np.uint8)
+    renderer = Renderer(SIDE)
+    drawn = over_white(renderer.render(mesh, objective.camera(point), margin=MARGIN))
+    renderer.close()
+    return drawn

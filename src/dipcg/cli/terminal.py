@@ -1,0 +1,58 @@
+"""What people see in a terminal: progress bars and tables."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dipcg.evaluation.tables import Table
+
+Update = Callable[[int, str], None]
+
+
+@contextlib.contextmanager
+def bar(label: str, total: int) -> Iterator[Update]:
+    """A progress bar with the time left if stderr is a terminal; call the update with what is done and a short note."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda done, note: None
+        return
+    text = TextColumn("{task.fields[note]}")
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total}"))
+    with Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), text, console=console) as progress:
+        task = progress.add_task(label, total=total, note="")
+        try:
+            yield lambda done, note: progress.update(task, completed=done, note=note)
+        except BaseException:
+            progress.live.transient = True  # a problem is told by its sentence alone
+            raise
+
+
+def table(found: Table) -> str:
+    """A Markdown table of means with 95 % intervals, one row per method."""
+    names = [metric.name for metric in found.metrics]
+    lines = ["| | " + " | ".join(names) + " | failed builds |", "|---" * (len(names) + 2) + "|"]
+    for row, values in found.values.items():
+        cells = [_cell(found, row, name) if name in values else "" for name in names]
+        lines.append(f"| {row} | " + " | ".join(cells) + f" | {found.failures[row]} |")
+    return "\n".join(lines)
+
+
+def differences(found: Table) -> str:
+    """A Markdown table of each row less the estimate in the first metric; empty without an estimate."""
+    metric = found.metrics[0].name
+    rows = [
+        f"| {row} | {mean:+.3f} [{low:+.3f}, {high:+.3f}] |"
+        for row, (mean, low, high) in found.differences(metric).items()
+    ]
+    return "\n".join([f"| | {metric}, less the estimate's |", "|---|---|", *rows]) if rows else ""
+
+
+def _cell(found: Table, row: str, name: str) -> str:
+    low, high = found.interval(row, name)
+    return f"{found.mean(row, name):.3f} [{low:.3f}, {high:.3f}]"

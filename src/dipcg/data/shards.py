@@ -1,0 +1,151 @@
+"""The format of a shard: a Parquet file with the parameters as columns and the light mesh as one compact column.
+
+Columns of parameters have the parameters' own names; what else a row holds begins with an underscore, which no
+parameter's name does.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from dipcg.data.codec import decode_mesh, encode_mesh
+from dipcg.data.draws import Draws
+from dipcg.generators import Generator
+from dipcg.mesh import Mesh
+from dipcg.space import Choice, Parameter, ParameterSpace, Params
+from dipcg.workers.pool import BuildError, Timed
+
+NUMBER, SEED, MESH, BUILD_S, FAILURE = "_number", "_seed", "_mesh", "_build_s", "_failure"
+_ABOUT = (
+    (NUMBER, pa.int64()),
+    (SEED, pa.int64()),
+    (MESH, pa.binary()),
+    (BUILD_S, pa.float32()),
+    (FAILURE, pa.string()),
+)
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One row: the parameters, the mesh unless the build failed, and why it failed."""
+
+    number: int
+    seed: int
+    params: Params
+    mesh: Mesh | None
+    build_s: float | None
+    """seconds that a worker took; None when the build failed"""
+    failure: str | None = None
+    """a worker.BuildError's reason"""
+    sentence: str = ""
+    """what it said, with the parameters"""
+
+
+def build(generator: Generator, draws: Draws, job: range, built: Iterable[Timed]) -> bytes:
+    """The content of a shard from what the workers made; raises BuildError when they could not start."""
+    parameters = zip(job, draws.params(job), built, strict=False)  # `built` may go on with the next shard
+    return pack([_sample(number, draws.seed, p, *outcome) for number, p, outcome in parameters], generator)
+
+
+def pack(samples: Sequence[Sample], generator: Generator) -> bytes:
+    """The samples as the content of a Parquet file."""
+    written = io.BytesIO()
+    table = pa.Table.from_pylist([_to_row(sample) for sample in samples], _schema(generator))
+    pq.write_table(table, written, compression="zstd")
+    return written.getvalue()
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file so that it is there whole or not at all, whatever happens meanwhile.
+
+    Raises OSError, with the file's name, when the disk is full or the folder cannot be written to.
+    """
+    unfinished = path.with_suffix(f".{os.getpid()}.tmp")
+    try:
+        with unfinished.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        unfinished.replace(path)
+    except OSError as error:
+        with suppress(OSError):
+            unfinished.unlink(missing_ok=True)
+        raise OSError(error.errno, error.strerror, str(path)) from None
+
+
+def read(path: Path, columns: list[str] | None = None) -> pa.Table:
+    """The rows of a shard, memory-mapped; raises ValueError for a damaged one."""
+    try:
+        return pq.read_table(path, columns=columns, memory_map=True)
+    except (pa.ArrowInvalid, OSError) as error:
+        raise ValueError(f"{path} is damaged ({error}); delete it and run `dipcg dataset build` again.") from None
+
+
+def from_row(row: dict[str, Any], space: ParameterSpace) -> Sample:
+    """A row of a shard as a sample with its mesh decoded."""
+    params = {name: row[name] for name in space.names}
+    mesh = decode_mesh(row[MESH]) if row[MESH] else None
+    reason, sentence = parse_failure(row[FAILURE] or "")
+    return Sample(row[NUMBER], row[SEED], params, mesh, row[BUILD_S], reason or None, sentence)
+
+
+def parse_failure(told: str) -> tuple[str, str]:
+    """The reason of a failure and its sentence."""
+    reason, _, sentence = told.partition(": ")
+    return reason, sentence
+
+
+def versions(generator: Generator) -> dict[str, str]:
+    """The versions of this package and of those that the generator needs, as far as they are installed."""
+    found = {}
+    for package in ("dipcg", *generator.needs):
+        with suppress(PackageNotFoundError):
+            found[package] = version(package)
+    return found
+
+
+def _sample(number: int, seed: int, params: Params, built: Mesh | BuildError, seconds: float | None) -> Sample:
+    if not isinstance(built, BuildError):
+        return Sample(number, seed, params, built, seconds)
+    if built.reason == "start":
+        raise built
+    return Sample(number, seed, params, None, None, built.reason, str(built))
+
+
+def _schema(generator: Generator) -> pa.Schema:
+    columns = [pa.field(p.name, _arrow_type(p)) for p in generator.space]
+    about = {
+        "generator": generator.name,
+        "fingerprint": generator.space.fingerprint,
+        "versions": versions(generator),
+        "space": generator.space.describe(),
+    }
+    return pa.schema([*columns, *_ABOUT], metadata={"dipcg": json.dumps(about)})
+
+
+def _arrow_type(parameter: Parameter) -> pa.DataType:
+    value = parameter.options[0] if isinstance(parameter, Choice) else 0.0
+    return {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}[type(value)]
+
+
+def _to_row(sample: Sample) -> dict[str, Any]:
+    mesh = encode_mesh(sample.mesh) if sample.mesh else None
+    failure = f"{sample.failure}: {sample.sentence}" if sample.failure else None
+    return sample.params | dict(
+        zip(
+            (NUMBER, SEED, MESH, BUILD_S, FAILURE),
+            (sample.number, sample.seed, mesh, sample.build_s, failure),
+            strict=True,
+        )
+    )

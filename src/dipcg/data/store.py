@@ -1,0 +1,225 @@
+"""Data sets on disk: a folder of shards that a build fills, resumes and extends, and its reader.
+
+A shard is written whole or not at all, and sample `i` depends on the seed and `i` alone, so a build that was killed
+anywhere goes on with the same rows.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+import pyarrow as pa
+
+from dipcg.data import shards
+from dipcg.data.draws import Drawing, Draws
+from dipcg.generators import load_generator
+from dipcg.data.shards import FAILURE, NUMBER, Sample
+from dipcg.space import Parameter, ParameterSpace, Real
+from dipcg.workers.pool import BuildError, BuildPool, Timed
+
+SHARD = 250
+SPLITS = {"train": (0, 18), "validation": (18, 19), "test": (19, 20)}  # twentieths, by sample number
+BINS = 16  # of a parameter's histogram
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a build stands, for a progress bar."""
+
+    done: int
+    total: int
+    failed: int
+    new: int = 0
+    """of those done, built now and not found there"""
+
+
+class Counts:
+    """Counts what is done and tells it."""
+
+    def __init__(self, total: int, report: Callable[[Progress], None], done: int, failed: int) -> None:
+        self.total, self.report, self.found, self.done, self.failed = total, report, done, done, failed
+
+    def add(self, done: int, failed: int) -> None:
+        self.done, self.failed = self.done + done, self.failed + failed
+        self.report(Progress(self.done, self.total, self.failed, self.done - self.found))
+
+    def watch(self, built: Iterable[Timed]) -> Iterator[Timed]:
+        for outcome in built:
+            self.add(1, isinstance(outcome[0], BuildError))
+            yield outcome
+
+
+@runtime_checkable
+class Executor(Protocol):
+    """Where shards are built: `Local`, or `cluster.Ray`."""
+
+    def shards(self, draws: Draws, todo: list[range], counts: Counts) -> Iterator[tuple[range, bytes]]:
+        """The numbers and the content of each shard, in the order in which they are ready; counts what is built."""
+        ...
+
+
+@dataclass(frozen=True)
+class Local:
+    """Builds in processes of this machine."""
+
+    workers: int = 1
+    timeout_s: float = 60.0
+
+    def shards(self, draws: Draws, todo: list[range], counts: Counts) -> Iterator[tuple[range, bytes]]:
+        generator = draws.generator
+        with BuildPool(draws.ref, self.workers, self.timeout_s) as pool:  # one stream: none waits for a shard's end
+            params = chain.from_iterable(draws.params(job) for job in todo)
+            built = counts.watch(pool.timed(params, "light"))
+            for job in todo:
+                yield job, shards.build(generator, draws, job, built)
+
+
+def build_dataset(
+    ref: str,
+    folder: str | Path,
+    count: int,
+    seed: int = 0,
+    drawing: Drawing = "uniform",
+    executor: Executor = Local(),
+    report: Callable[[Progress], None] = lambda progress: None,
+) -> int:
+    """Sample `count` parameter sets, build and store them; shards already there are kept. Returns the failures.
+
+    Wherever shards are built, they are written here. Raises ValueError when the folder holds other data, or `count`
+    is not positive, OSError when it cannot be written to, and BuildError when no worker can start: that is the fault
+    of no sample.
+    """
+    draws, folder = Draws(str(load_generator(ref).ref), seed, drawing), Path(folder)
+    if count < 1:
+        raise ValueError(f"The number of samples must be at least 1, got {count}.")
+    _claim(folder, draws)
+    jobs = [range(first, min(first + SHARD, count)) for first in range(0, count, SHARD)]
+    there = [job for job in jobs if _is_complete(_path(folder, job), len(job))]
+    counts = Counts(count, report, sum(map(len, there)), sum(_failures(_path(folder, job)) for job in there))
+    for job, content in executor.shards(draws, [job for job in jobs if job not in there], counts):
+        shards.write_whole(_path(folder, job), content)
+    counts.add(0, 0)
+    return counts.failed
+
+
+class Store:
+    """Reader of a folder of shards; raises ValueError with a sentence when it is not one."""
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder)
+        self.info = _read_info(self.folder)
+        self.space = load_generator(self.info["ref"]).space
+        if self.space.fingerprint != self.info["fingerprint"]:
+            raise ValueError(
+                f"{self.folder} was built for other parameters of {self.info['generator']!r} than are installed; "
+                "build it again with `dipcg dataset build`."
+            )
+
+    def table(self, columns: list[str] | None = None) -> pa.Table:
+        """All rows as an Arrow table, memory-mapped."""
+        return pa.concat_tables([shards.read(path, columns) for path in self._finished()])
+
+    def summary(self) -> dict[str, Any]:
+        """Counts, failures by reason with the first of each, sizes, and a histogram of each parameter where active."""
+        table = self.table([NUMBER, FAILURE, *self.space.names])
+        failures = [shards.parse_failure(told) for told in table[FAILURE].to_pylist() if told]
+        reasons = Counter(reason for reason, _ in failures)
+        return {
+            "generator": self.info["generator"],
+            "seed": self.info["seed"],
+            "drawing": self.info["drawing"],
+            "samples": table.num_rows,
+            "failed": dict(sorted(reasons.items())),
+            "first_failed": dict(reversed(failures)),
+            "splits": {s: sum(in_split(n, s) for n in table[NUMBER].to_pylist()) for s in SPLITS},
+            "bytes": sum(path.stat().st_size for path in self._finished()),
+            "parameters": {p.name: _histogram(p, _where_active(p.name, self.space, table)) for p in self.space},
+        }
+
+    def samples(self, split: str | None = None) -> Iterator[Sample]:
+        """The rows of a split (train, validation or test; None for all), meshes decoded; failures have no mesh."""
+        for row in self.rows(split):
+            yield shards.from_row(row, self.space)
+
+    def rows(self, split: str | None = None) -> Iterator[dict[str, Any]]:
+        """The rows of a split as they are stored, shard by shard."""
+        for path in self._finished():
+            for row in shards.read(path).to_pylist():
+                if split is None or in_split(row[NUMBER], split):
+                    yield row
+
+    def _finished(self) -> list[Path]:
+        found = sorted(self.folder.glob("shard-*.parquet"))
+        if not found:
+            raise ValueError(f"{self.folder} has no finished shard yet; run `dipcg dataset build`.")
+        return found
+
+
+def in_split(number: int, split: str) -> bool:
+    """Whether a sample belongs to the split: by its number, so a data set can grow without moving any."""
+    low, high = SPLITS[split]
+    return low <= number % 20 < high
+
+
+def _path(folder: Path, job: range) -> Path:
+    return folder / f"shard-{job.start // SHARD:05d}.parquet"
+
+
+def _is_complete(path: Path, rows: int) -> bool:
+    return path.exists() and shards.read(path, [NUMBER]).num_rows >= rows
+
+
+def _failures(path: Path) -> int:
+    return len(shards.read(path, [FAILURE])[FAILURE].drop_null())
+
+
+def _where_active(name: str, space: ParameterSpace, table: pa.Table) -> pa.Table:
+    """The rows in which a parameter is active: `ParameterSpace.is_active` for a whole column."""
+    active = np.ones(table.num_rows, bool)
+    for above, allowed in _conditions(name, space):
+        active &= np.isin(table[above].to_numpy(), allowed)
+    return table.filter(pa.array(active))
+
+
+def _conditions(name: str, space: ParameterSpace) -> Iterator[tuple[str, tuple]]:
+    for above, allowed in space[name].when.items():
+        yield above, allowed
+        yield from _conditions(above, space)
+
+
+def _histogram(parameter: Parameter, table: pa.Table) -> dict[str, int] | list[int]:
+    """How often each option, or how many values in each of `BINS` equal pieces of the range."""
+    if isinstance(parameter, Real):
+        values = table[parameter.name].to_numpy()
+        return np.histogram(values, BINS, (parameter.low, parameter.high))[0].tolist()
+    found = Counter(table[parameter.name].to_pylist())
+    return {str(option): found[option] for option in parameter.options}
+
+
+def _read_info(folder: Path) -> dict[str, Any]:
+    try:
+        info = json.loads((folder / "dataset.json").read_text())
+        return {key: info[key] for key in ("generator", "ref", "fingerprint", "seed", "drawing")}
+    except (OSError, ValueError, KeyError, TypeError):
+        raise ValueError(f"{folder} is not a data set: it has no readable dataset.json.") from None
+
+
+def _claim(folder: Path, draws: Draws) -> None:
+    """Make the folder this data set's own, or refuse one that is another's."""
+    generator, ours = draws.generator, draws.describe()
+    generator.check_installed()
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "dataset.json"
+    if not path.exists():
+        return shards.write_whole(path, json.dumps(ours, indent=1).encode())
+    if (theirs := _read_info(folder)) != ours:
+        changed = ", ".join(key for key in ours if theirs.get(key) != ours[key])
+        raise ValueError(f"{folder} already holds another data set (different {changed}); choose another folder.")
+    return None

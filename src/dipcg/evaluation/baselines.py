@@ -1,0 +1,73 @@
+"""Answers that nobody trained: what the tables of `evaluate.py` set beside an estimate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from dipcg.mesh import Mesh
+from dipcg.metrics import Points, surface_points
+from dipcg.metrics.chamfer import measure as chamfer
+from dipcg.metrics.chamfer import quarter_turn
+from dipcg.space import ParameterSpace, Params, Real
+from dipcg.data.store import Store
+from dipcg.workers.pool import BuildPool
+
+FEW = 300  # points by which most random shapes are ruled out
+SHORTLIST = 8  # of those that remain, to be compared by more
+
+
+class Shape(NamedTuple):
+    """A shape to choose from, with few of its surface points in the measuring frame."""
+
+    params: Params
+    mesh: Mesh
+    points: Float[np.ndarray, "n 3"]
+
+
+def middle(space: ParameterSpace) -> Params:
+    """One answer to every picture: each real in the middle of its range, and each choice's first option.
+
+    All options of a choice are drawn equally often, so none is likelier than the first.
+    """
+    return space.canonical({p.name: p.decode(0.0) if isinstance(p, Real) else p.options[0] for p in space})
+
+
+def stored_shapes(folder: str | Path, count: int) -> list[Shape]:
+    """The first shapes of a data set's train split, without those that could not be built; raises ValueError."""
+    built = ((sample.params, sample.mesh) for sample in Store(folder).samples("train") if sample.mesh)
+    return _shapes(list(islice(built, count)))
+
+
+def built_shapes(
+    pool: BuildPool, count: int, seed: int = 0, report: Callable[[int], None] = lambda done: None
+) -> list[Shape]:
+    """Shapes of `count` random parameters, without those that cannot be built."""
+    rng = np.random.default_rng(seed)
+    params, built = [pool.generator.space.sample(rng) for _ in range(count)], []
+    for done, mesh in enumerate(pool.map(params, "light")):
+        if isinstance(mesh, Mesh):
+            built.append((params[done], mesh))
+        report(done + 1)
+    return _shapes(built)
+
+
+def shortlist(shapes: Sequence[Shape], truth: Points, quarter_turns: bool = False) -> list[Shape]:
+    """The few shapes that few points say are nearest to the truth's surface points, the nearest first.
+
+    With `quarter_turns` each is compared at the best of four turns about Z.
+    """
+    few = truth[:FEW]  # turned in place of the shapes: the distances are the same
+    turned = [quarter_turn(few, turns) for turns in range(4 if quarter_turns else 1)]
+    distances = [min(chamfer(shape.points, target) for target in turned) for shape in shapes]
+    return [shapes[i] for i in np.argsort(distances)[:SHORTLIST]]
+
+
+def _shapes(built: list[tuple[Params, Mesh]]) -> list[Shape]:
+    rng = np.random.default_rng(0)
+    return [Shape(params, mesh, surface_points(mesh, FEW, rng)) for params, mesh in built]

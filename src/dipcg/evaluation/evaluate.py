@@ -1,0 +1,209 @@
+"""Measuring estimates against shapes: the protocol of every table in docs/results.md.
+
+Each mesh is centred on its bounding box and scaled to longest side 1; each metric says in its file how many points it
+takes and what a failed build counts as. A failed build counts as the worst case and is never skipped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from dipcg import registry
+from dipcg.evaluation.baselines import Shape, middle, shortlist
+from dipcg.training.pictures import decode_mesh, load_shapes
+from dipcg.images import MARGIN, Source
+from dipcg.mesh import Mesh
+from dipcg.metrics import Metric, load_metric, normalise, surface_points
+from dipcg.metrics.chamfer import best_quarter_turn
+from dipcg.metrics.chamfer import measure as chamfer
+from dipcg.pipeline import Estimate, Inverter
+from dipcg.inference.rank import rank
+from dipcg.inference.refine import refine
+from dipcg.render import Renderer, sample_look
+from dipcg.space import Params
+from dipcg.evaluation.tables import ESTIMATE, Table
+from dipcg.workers.pool import BuildError
+
+PICTURE = 256  # side of the pictures made of a test split
+CHOSEN_BY = 2500  # points by which the candidate nearest to the truth is found
+Sampler = Callable[[int, np.random.Generator], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One picture and the shape it shows; `sample(count, rng)` gives points of the surface in the measuring frame."""
+
+    name: str
+    image: Source
+    sample: Sampler
+    params: Params | None = None
+    mesh: Mesh | None = None
+
+
+def split_cases(folder: str | Path, count: int, seed: int = 0, split: str = "test") -> Iterator[Case]:
+    """Pictures of a data set's unseen shapes from random training views with random materials, on no background."""
+    generator, shapes = load_shapes(folder, split)
+    renderer, rng = Renderer(PICTURE), np.random.default_rng(seed)
+    for number in range(min(count, len(shapes.meshes))):
+        mesh = decode_mesh(shapes.meshes[number])
+        look = sample_look(rng, len(mesh.part_names))
+        params = generator.space.decode(shapes.x[number].astype(float))
+        image = renderer.render(mesh, generator.seen_from(params).sample(rng), look, MARGIN)
+        yield Case(f"{split}-{number}", np.ascontiguousarray(image), _mesh_sampler(mesh), params, mesh)
+
+
+def pair_cases(folder: str | Path, prefix: str) -> Iterator[Case]:
+    """Pictures `NAME.png` with surface points `NAME.npz` (array `points`, `n 3`, Z up) whose names start so.
+
+    Raises ValueError when the folder has none.
+    """
+    pictures = [path for path in sorted(Path(folder).glob(f"{prefix}*.png")) if path.with_suffix(".npz").is_file()]
+    if not pictures:
+        raise ValueError(f"{folder} has no pair {prefix}*.png and {prefix}*.npz (with an array `points`).")
+    return map(_pair, pictures)
+
+
+def _pair(path: Path) -> Case:
+    points = normalise(np.load(path.with_suffix(".npz"))["points"].astype(float))
+    return Case(path.stem, path, lambda count, rng: rng.choice(points, count, count > len(points)))
+
+
+class Answer(NamedTuple):
+    """What a row of the table says to a picture; without a mesh when it cannot be built."""
+
+    row: str
+    params: Params
+    mesh: Mesh | None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is measured of each picture, and how; the rows of the table follow."""
+
+    candidates: int = 16
+    """of each estimate, the expected one among them"""
+    steps: int | None = None
+    """of the sampler; as many as the checkpoint was made for when None"""
+    quarter_turns: bool = False
+    """compare at the best of four turns about Z, for data with unknown fronts"""
+    metrics: Sequence[str] = ()
+    """their names; all when empty"""
+    ranked: bool = False
+    """build all candidates, and measure the one that ranking puts first and the one nearest to the truth too"""
+    refine_s: float = 0.0
+    """measure what so many seconds of search make of the first as well"""
+    random_shapes: Sequence[Shape] = ()
+    """of which the one nearest to the truth is a row: what a search without a network would find that knew it"""
+
+
+def evaluate(
+    inverter: Inverter,
+    cases: Iterable[Case],
+    plan: Plan = Plan(),
+    report: Callable[[Case], None] = lambda case: None,
+) -> Table:
+    """Measure estimates beside what bounds them; a row for each.
+
+    The noise floor (the truth, other points of it); a random shape; the mean of the prior, which is the same shape for
+    every picture; the nearest of some random shapes; the direct guess; the most central sample; and the estimate.
+    """
+    names = plan.metrics or registry.names("metrics")
+    table = Table([column for name in names for column in load_metric(name).columns])
+    mean = _built(inverter, "mean of the prior", middle(inverter.generator.space))
+    for number, case in enumerate(cases):
+        if case.mesh is not None:
+            table.add("noise floor", _compare(table.metrics, case, case.mesh, None, number, False, inverter))
+        for row, params, mesh in [_random(inverter, number), mean, *_answers(inverter, case, plan)]:
+            values = _compare(table.metrics, case, mesh, params, number, plan.quarter_turns, inverter)
+            table.add(row, values, failed=mesh is None)
+        report(case)
+    return table
+
+
+def _answers(inverter: Inverter, case: Case, plan: Plan) -> Iterator[Answer]:
+    """Those that depend on the picture."""
+    found = inverter.estimate(case.image, max(2, plan.candidates), plan.steps)
+    yield from _nearest(plan.random_shapes, case, plan.quarter_turns)
+    yield from _estimated(inverter, found, case)
+    if plan.ranked or plan.refine_s:
+        yield from _chosen(found, case, plan.refine_s, plan.quarter_turns)
+
+
+def _random(inverter: Inverter, number: int) -> Answer:
+    rng = np.random.default_rng([1, number])
+    return _built(inverter, "prior (a random one)", inverter.generator.space.sample(rng))
+
+
+def _nearest(shapes: Sequence[Shape], case: Case, quarter_turns: bool) -> Iterator[Answer]:
+    if shapes:
+        few = shortlist(shapes, case.sample(CHOSEN_BY, np.random.default_rng(0)), quarter_turns)
+        nearest = min(few, key=lambda shape: distance(shape.mesh, case, quarter_turns))
+        yield Answer(f"nearest of {len(shapes)} random", nearest.params, nearest.mesh)
+
+
+def _estimated(inverter: Inverter, found: Estimate, case: Case) -> Iterator[Answer]:
+    if inverter.model.config.objective == "flow":  # the paper's model makes no guess
+        yield _built(inverter, "direct guess", inverter.guess(case.image).params)
+    yield _built(inverter, "most central sample", found.candidates[1].params)
+    yield _built(inverter, ESTIMATE, found.params)
+
+
+def _chosen(found: Estimate, case: Case, refine_s: float, quarter_turns: bool) -> Iterator[Answer]:
+    chosen = rank(found)
+    yield Answer("best ranked", chosen.params, chosen.candidates[0].mesh)
+    nearest = min(chosen.candidates, key=lambda candidate: distance(candidate.mesh, case, quarter_turns))
+    yield Answer(f"best of {len(found.candidates)} by truth", nearest.params, nearest.mesh)
+    if refine_s:
+        searched = refine(chosen, refine_s)
+        yield Answer(f"refined for {refine_s:g} s", searched.params, searched.candidates[0].mesh)
+
+
+def distance(mesh: Mesh | None, case: Case, quarter_turns: bool) -> float:
+    """The chamfer distance of fewer points than in the table: enough to choose by."""
+    if mesh is None:
+        return np.inf
+    rng = np.random.default_rng(0)
+    ours, truth = surface_points(mesh, CHOSEN_BY, rng), case.sample(CHOSEN_BY, rng)
+    return chamfer(best_quarter_turn(ours, truth) if quarter_turns else ours, truth)
+
+
+def _built(inverter: Inverter, row: str, params: Params) -> Answer:
+    try:
+        return Answer(row, params, inverter.build(params, "light").mesh)
+    except BuildError:
+        return Answer(row, params, None)
+
+
+def _compare(
+    metrics: list[Metric],
+    case: Case,
+    mesh: Mesh | None,
+    params: Params | None,
+    number: int,
+    quarter_turns: bool,
+    inverter: Inverter,
+) -> dict[str, float]:
+    values: dict[str, float] = {}
+    rng = np.random.default_rng([1, number])  # the truth's points are the same in every row, whichever rows there are
+    for count in sorted({metric.points for metric in metrics if metric.compares == "points"}):
+        truth, ours = case.sample(count, rng), None if mesh is None else surface_points(mesh, count, rng)
+        if ours is not None and quarter_turns:
+            ours = best_quarter_turn(ours, truth)
+        for metric in metrics:
+            if metric.compares == "points" and metric.points == count:
+                values[metric.name] = metric.worst if ours is None else metric.measure(ours, truth)
+    if case.params is not None and params is not None:
+        for metric in metrics:
+            if metric.compares == "params":
+                found = metric.measure(inverter.generator.space, case.params, params)
+                values |= {} if np.isnan(found) else {metric.name: found}  # a flower has no choices to be right in
+    return values
+
+
+def _mesh_sampler(mesh: Mesh) -> Sampler:
+    return lambda count, rng: surface_points(mesh, count, rng)

@@ -1,0 +1,22 @@
+"""Infinigen's procedural materials baked to maps, so that other programs show them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from dipcg.workers.rpc import Blender
+from dipcg.export.asset import Asset
+from dipcg.mesh import drop_degenerate
+from dipcg.workers.pool import Progress
+
+
+def texture(asset: Asset, size: int = 512, seed: int = 0, progress: Progress | None = None) -> Asset:
+    """The asset with base colour, roughness, metallic and normal maps of `size` × `size` pixels.
+
+    `seed` draws the materials; `progress` gets the share that is done and what is done next. Raises
+    ModuleNotFoundError without Blender, and blender.BlenderError.
+    """
+    mesh = drop_degenerate(asset.mesh)
+    with Blender() as blender:
+        maps = blender.call("_bake:bake", mesh, asset.generator, seed, size, progress=progress)
+    return replace(asset, mesh=mesh, maps=maps, material_seed=seed)

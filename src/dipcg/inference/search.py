@@ -1,0 +1,222 @@
+"""Searching for the parameters of a picture by building and comparing: MCMC, random search and CMA-ES on one budget.
+
+A point is `x` and, unless the camera is known, three more numbers for it, all in [-1, 1]. A score is a distance between
+the picture and a render of the point, lower is better. Every searcher is a function of its seed and the scores it is
+told, so a search that was killed goes on by telling it the scores so far.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from dipcg.camera import View
+from dipcg.generators import Generator
+from dipcg.images import MARGIN
+from dipcg.mesh import Mesh
+from dipcg.render import Renderer
+from dipcg.space import Choice, ParameterSpace, Params
+from dipcg.workers.pool import BuildError, BuildPool
+
+Point = Float[np.ndarray, " n"]
+Score = Callable[[UInt8[np.ndarray, "s s 4"]], float]
+Propose = Callable[[Point], Point]
+CAMERA = 3  # numbers of a point that say where the camera stands
+METHODS = ("mcmc", "random", "cma")
+WORST = 1e3  # what CMA-ES, which wants numbers, is told of a point that cannot be built
+
+
+@runtime_checkable
+class Searcher(Protocol):
+    """Names points to score, and learns from their scores."""
+
+    def ask(self) -> list[Point]: ...
+
+    def tell(self, points: list[Point], scores: list[float]) -> None: ...
+
+
+class Metropolis:
+    """Some chains of Metropolis-Hastings over points, one step of each at a time, from given starts.
+
+    Source: Metropolis et al. 1953, Hastings 1970. The density is exp(-score / temperature) on the box [-1, 1]^n; the
+    proposal has to be symmetric.
+    """
+
+    def __init__(self, starts: list[Point], propose: Propose, temperature: float, rng: np.random.Generator) -> None:
+        self.states, self.scores = list(starts), [math.inf] * len(starts)
+        self.propose, self.temperature, self.rng = propose, temperature, rng
+        self.accepted, self._started = 0, False
+
+    def ask(self) -> list[Point]:
+        return [self.propose(state) for state in self.states] if self._started else self.states
+
+    def tell(self, points: list[Point], scores: list[float]) -> None:
+        self._started = True
+        for chain, (point, score) in enumerate(zip(points, scores, strict=True)):
+            if self._accepts(self.scores[chain], score):
+                self.states[chain], self.scores[chain] = point, score
+                self.accepted += 1
+
+    def _accepts(self, before: float, after: float) -> bool:
+        chance = self.rng.random()
+        return bool(after <= before or math.log(chance) < (before - after) / self.temperature)
+
+
+class RandomSearch:
+    """Independent uniform points."""
+
+    def __init__(self, draw: Callable[[], Point], batch: int) -> None:
+        self.draw, self.batch = draw, batch
+
+    def ask(self) -> list[Point]:
+        return [self.draw() for _ in range(self.batch)]
+
+    def tell(self, points: list[Point], scores: list[float]) -> None:
+        pass
+
+
+class EvolutionStrategy:
+    """CMA-ES (Hansen 2016, as implemented by `cma`) from one start; a choice is the piece its number lies in."""
+
+    def __init__(self, start: Point, step: float, rng: np.random.Generator) -> None:
+        import cma
+
+        drawn = {"randn": lambda *shape: rng.standard_normal(shape), "seed": math.nan}
+        self._inner = cma.CMAEvolutionStrategy(start, step, {"bounds": [-1, 1], "verbose": -9, **drawn})
+
+    def ask(self) -> list[Point]:
+        return [np.asarray(point, float) for point in self._inner.ask()]
+
+    def tell(self, points: list[Point], scores: list[float]) -> None:
+        self._inner.tell(points, [min(score, WORST) for score in scores])
+
+
+@dataclass(frozen=True)
+class Moves:
+    """The proposal: a few entries of a point move, reals by a normal step, choices to any option.
+
+    Symmetric: which entries move does not depend on where they are, and a step beyond the box is reflected. Parameters
+    that are inactive move too; what they would be is then drawn before they are asked for.
+    """
+
+    space: ParameterSpace
+    rng: np.random.Generator
+    step: float = 0.2
+    share: float = 0.1
+    """of the entries that move; one at least"""
+
+    def __call__(self, point: Point) -> Point:
+        moves = self.rng.random(len(point)) < self.share
+        moves[self.rng.integers(len(point))] = True
+        moved = reflect(point + self.step * self.rng.standard_normal(len(point)))
+        for i in self.space.choices:
+            moved[i] = self.rng.choice(_choice(self.space, i).centres)
+        return np.where(moves, moved, point)
+
+
+def reflect(point: Point) -> Point:
+    """A point beyond [-1, 1] put back as by mirrors at the borders, which keeps a proposal symmetric."""
+    return np.abs((point - 1) % 4 - 2) - 1
+
+
+class Objective:
+    """Scores points: built by a pool, rendered, compared. A failed build has an infinite score.
+
+    With a `view` points have no numbers for the camera.
+    """
+
+    def __init__(self, pool: BuildPool, score: Score, size: int, view: View | None = None) -> None:
+        self.pool, self.score, self.view = pool, score, view
+        self.generator: Generator = pool.generator
+        self.renderer = Renderer(size)
+
+    @property
+    def dimension(self) -> int:
+        return len(self.generator.space) + (CAMERA if self.view is None else 0)
+
+    def __call__(self, points: Sequence[Point]) -> Iterator[float]:
+        meshes = self.pool.map([self.params(point) for point in points], "light")
+        for point, mesh in zip(points, meshes, strict=True):
+            yield math.inf if isinstance(mesh, BuildError) else self.score(self.render(mesh, point))
+
+    def params(self, point: Point) -> Params:
+        return self.generator.space.decode(point[: len(self.generator.space)])
+
+    def camera(self, point: Point) -> View:
+        """The known view, or the one that the point names, from behind too."""
+        if self.view is not None:
+            return self.view
+        azimuth, elevation, nearness = (float(n) for n in point[-CAMERA:])
+        return View(180 * azimuth, 20 + 35 * elevation, 1 / (0.4 + 0.25 * nearness))
+
+    def point(self, params: Params, view: View) -> Point:
+        """The point of parameters and a camera: the inverse of `params` and `camera`."""
+        x = self.generator.space.encode(params)
+        if self.view is not None:
+            return x
+        numbers = [view.azimuth_deg / 180, (view.elevation_deg - 20) / 35, (1 / view.distance - 0.4) / 0.25]
+        return np.concatenate([x, np.clip(numbers, -1, 1)])
+
+    def render(self, mesh: Mesh, point: Point) -> UInt8[np.ndarray, "s s 4"]:
+        return self.renderer.render(mesh, self.camera(point), margin=MARGIN)
+
+
+@dataclass(frozen=True)
+class Tried:
+    """One call of the generator: its number from 1, its score, and the best so far."""
+
+    call: int
+    score: float
+    best: float
+    best_point: Point
+
+
+def search(
+    searcher: Searcher, score: Callable[[Sequence[Point]], Iterator[float]], calls: int, past: Sequence[float] = ()
+) -> Iterator[Tried]:
+    """Let a searcher spend a budget of calls; scores in `past` are told again instead of being found again."""
+    done, best, best_point = 0, math.inf, np.empty(0)
+    while done < calls:
+        points = searcher.ask()
+        found = list(past[done : done + len(points)])
+        fresh = score(points[len(found) :])
+        scores: list[float] = []
+        for number, point in enumerate(points):
+            scores.append(found[number] if number < len(found) else next(fresh))
+            if scores[-1] < best or not len(best_point):
+                best, best_point = scores[-1], point
+            done += 1
+            yield Tried(done, scores[-1], best, best_point)
+            if done == calls:
+                return
+        searcher.tell(points, scores)
+
+
+def make_searcher(
+    method: str, objective: Objective, rng: np.random.Generator, chains: int, temperature: float, start: Point | None
+) -> Searcher:
+    """MCMC, random search or CMA-ES by name, from a given point or from random ones; raises ValueError."""
+    space, free = objective.generator.space, objective.dimension
+
+    def draw() -> Point:
+        return rng.uniform(-1, 1, free)
+
+    if method == "random":
+        return RandomSearch(draw, chains)
+    if method == "cma":
+        return EvolutionStrategy(draw() if start is None else start, 0.5 if start is None else 0.2, rng)
+    if method == "mcmc":
+        starts = [draw() if start is None else start for _ in range(chains)]
+        return Metropolis(starts, Moves(space, rng), temperature, rng)
+    raise ValueError(f"There is no method {method!r}. There are: {', '.join(METHODS)}.")
+
+
+def _choice(space: ParameterSpace, index: int) -> Choice:
+    parameter = space.parameters[index]
+    assert isinstance(parameter, Choice), parameter
+    return parameter

@@ -1,0 +1,88 @@
+"""From a configuration to a network: ours, or the paper's under the same interface."""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+
+from dipcg.model import ddpm
+from dipcg.camera import VIEW_NUMBERS, View, encode_view
+from dipcg.config import ModelConfig
+from dipcg.model.denoiser import Condition, Estimator, Outputs, Prediction
+from dipcg.model.dit import DiT
+from dipcg.encoders import Features, build_encoder
+from dipcg.space import ParameterSpace
+
+UNSEEN_VIEW = View(30.0, 30.0, 2.0)  # the paper's model says nothing of the camera; this is the middle of its views
+
+
+class PaperEstimator(nn.Module):
+    """The paper's model: parameters alone, the picture by cross-attention alone, no first guess and no camera.
+
+    `x` has the camera's entries as everywhere; they are not looked at, and come back as those of a fixed view.
+    """
+
+    view: Tensor
+
+    def __init__(self, space: ParameterSpace, config: ModelConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.encoder = build_encoder(config)
+        self.outputs = Outputs(space)
+        self.denoiser = DiT(len(space), self.encoder.channels, config)  # type: ignore[arg-type]
+        numbers = torch.from_numpy(encode_view(UNSEEN_VIEW)).float()
+        self.register_buffer("view", numbers, persistent=False)
+
+    def first_guess(self, features: Features) -> Prediction:
+        """Raises ValueError: the paper has no direct regression."""
+        raise ValueError("The paper's recipe has no direct guess; ask for an estimate, or train without --recipe.")
+
+    def condition(self, features: Features) -> Condition:
+        """What the denoiser attends to, computed once and not per step."""
+        nothing = features.tokens.new_zeros(len(features.tokens), 0)
+        return Condition(self.denoiser.keys_values(features.tokens), nothing, nothing)
+
+    def sample(
+        self,
+        condition: Condition,
+        noise: Float[Tensor, "b d"],
+        steps: int,
+        known: Float[Tensor, "b d"],
+        given: Bool[Tensor, "b d"],
+    ) -> Prediction:
+        """One draw for each row of noise; `given` entries are led to their values, as noisy as the rest on the way."""
+        every, numbers = ddpm.schedule().to(noise), len(self.denoiser.position)
+        known, given = known[:, :numbers], given[:, :numbers]
+
+        def predict(x: Tensor, t: Tensor) -> tuple[Tensor, Tensor]:
+            found, where = self.denoiser(x, t, condition.keys_values)
+            return torch.where(given, ddpm.noise_in(x, known, every.at(t)), found), where
+
+        return self.prediction(ddpm.sample(predict, noise[:, :numbers], steps, _follows_from(noise)))
+
+    def prediction(self, x: Float[Tensor, "b n"]) -> Prediction:
+        """Clean parameters as a prediction that is certain of the option whose piece each choice lies in."""
+        x = torch.cat([x.clamp(-1, 1), self.view.expand(len(x), -1)], 1)
+        return Prediction(x, -1e4 * (x[:, self.outputs.owner] - self.outputs.centres).square())
+
+    def loss(self, features: Features, x: Float[Tensor, "b d"]) -> Float[Tensor, ""]:
+        """The paper's loss at one random step per picture, of all parameters whether active or not."""
+        x = x[:, :-VIEW_NUMBERS]
+        pairs = self.denoiser.keys_values(features.tokens)
+        index = torch.randint(ddpm.STEPS, (len(x),), device=x.device)
+        return ddpm.loss(lambda noisy, t: self.denoiser(noisy, t, pairs), x, torch.randn_like(x), index)
+
+
+AnyEstimator = Estimator | PaperEstimator
+
+
+def build_estimator(space: ParameterSpace, config: ModelConfig) -> AnyEstimator:
+    """A network of the configured objective for one parameter space, untrained."""
+    return (PaperEstimator if config.objective == "ddpm" else Estimator)(space, config)
+
+
+def _follows_from(noise: Tensor) -> torch.Generator:
+    """Randomness for the later steps that the noise of the first decides, so that one seed gives one answer."""
+    seed = int(noise.double().sum().cpu().view(torch.int64)) & (2**63 - 1)
+    return torch.Generator(noise.device).manual_seed(seed)
