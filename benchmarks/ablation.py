@@ -14,9 +14,9 @@ from pathlib import Path
 from benchmarks.timing import header, machine, row
 from benchmarks.trained import train
 from dipcg.evaluation.evaluate import Plan, evaluate, pair_cases, split_cases
+from dipcg.evaluation.tables import Table
 from dipcg.pipeline import Inverter
 from dipcg.training.recipes import RECIPES, find_recipe
-from dipcg.evaluation.tables import Table
 
 MINUTES = os.environ.get("DIPCG_BENCH_MINUTES", "60")
 COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "100"))

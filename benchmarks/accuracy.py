@@ -2,10 +2,10 @@
 
 import os
 
+from dipcg.cli.terminal import differences, table
 from dipcg.evaluation.baselines import built_shapes, stored_shapes
 from dipcg.evaluation.evaluate import Plan, evaluate, pair_cases, split_cases
 from dipcg.pipeline import Inverter
-from dipcg.cli.terminal import differences, table
 
 COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "100"))
 RANDOM = 200  # shapes of which the nearest to the truth is a row

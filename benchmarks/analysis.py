@@ -16,10 +16,10 @@ from benchmarks.timing import header, row
 from dipcg.camera import View
 from dipcg.evaluation.evaluate import Case, split_cases
 from dipcg.images import MARGIN, over_white, prepare, save_image
+from dipcg.inference.preview import in_rows
 from dipcg.mesh import Mesh
 from dipcg.metrics import chamfer, surface_points
 from dipcg.pipeline import Candidate, Inverter
-from dipcg.inference.preview import in_rows
 from dipcg.render import Renderer
 from dipcg.space import ParameterSpace
 

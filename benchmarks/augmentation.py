@@ -5,9 +5,10 @@ import sys
 import numpy as np
 
 from dipcg.config import AugmentConfig
-from dipcg.training.pictures import Pictures, load_shapes
+from dipcg.data.shapes import load_shapes
 from dipcg.images import save_image
 from dipcg.inference.preview import in_rows
+from dipcg.training.pictures import Pictures
 
 SIDE, COLUMNS, ROWS = 128, 12, 5
 

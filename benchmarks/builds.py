@@ -9,7 +9,8 @@ import numpy as np
 from benchmarks.timing import header, machine, row
 from dipcg import registry
 from dipcg.generators import load_generator
-from dipcg.workers.pool import BuildError, BuildPool
+from dipcg.workers.pool import BuildPool
+from dipcg.workers.process import BuildError
 
 LIGHT = int(os.environ.get("DIPCG_BENCH_LIGHT", "100"))
 FULL = int(os.environ.get("DIPCG_BENCH_FULL", "20"))

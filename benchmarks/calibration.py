@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.timing import header, machine, row
+from dipcg.data.store import Store
 from dipcg.evaluation.evaluate import Case, split_cases
+from dipcg.model.zoo import CARD, find_checkpoint
 from dipcg.pipeline import Estimate, Inverter
 from dipcg.space import Real
-from dipcg.data.store import Store
-from dipcg.model.zoo import CARD, find_checkpoint
 
 COUNT = int(os.environ.get("DIPCG_BENCH_PICTURES", "200"))
 FIGURE = Path(os.environ.get("DIPCG_BENCH_FIGURE", "out/calibration.png"))

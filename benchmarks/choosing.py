@@ -15,9 +15,9 @@ import numpy as np
 
 from benchmarks.timing import header, machine, row
 from dipcg.evaluation.evaluate import Case, distance, pair_cases, split_cases
-from dipcg.pipeline import Inverter
 from dipcg.inference.rank import rank
 from dipcg.inference.refine import Search
+from dipcg.pipeline import Inverter
 
 COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "16"))
 AFTER = (12, 24, 48)

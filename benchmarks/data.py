@@ -14,15 +14,15 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.timing import header, machine, row, seconds
-from dipcg.data import store
 from dipcg.camera import View
+from dipcg.data import store
 from dipcg.data.cluster import Ray
 from dipcg.data.codec import decode_mesh, encode_mesh
+from dipcg.data.store import Executor, Local, Progress, build_dataset
 from dipcg.generators import load_generator
 from dipcg.images import MARGIN
 from dipcg.mesh import Mesh
 from dipcg.render import Renderer
-from dipcg.data.store import Executor, Local, Progress, build_dataset
 from dipcg.workers.pool import BuildPool
 
 CHAIRS, SHARD = int(os.environ.get("DIPCG_BENCH_CHAIRS", "180")), 15

@@ -11,10 +11,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from dipcg.images import save_image
-from dipcg.pipeline import Inverter
 from dipcg.inference.preview import in_rows, side_by_side
 from dipcg.inference.rank import rank
 from dipcg.inference.recognise import recognisable, recognise
+from dipcg.pipeline import Inverter
 
 NAMED = os.environ.get("DIPCG_BENCH_GENERATOR")
 COLUMNS = int(os.environ.get("DIPCG_BENCH_COLUMNS", "2"))

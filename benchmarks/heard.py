@@ -11,8 +11,9 @@ import torch
 
 from benchmarks.timing import header, machine, row
 from benchmarks.words import SENTENCES
-from dipcg.inference.recognise_text import fit, recognise_text
+from dipcg.inference.recognise_text import recognise_text
 from dipcg.model.zoo import shipped
+from dipcg.training.fit_text import fit
 
 
 def main() -> None:

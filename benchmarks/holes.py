@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 
 from benchmarks.timing import header, machine, row
-from dipcg.generators import load_generator
 from dipcg.blender.infinigen import find_node, import_infinigen, replaced, silence
+from dipcg.generators import load_generator
 
 SEEDS = (2, 3, 9, 13)  # of Infinigen's own assets
 

@@ -11,8 +11,9 @@ from pathlib import Path
 import torch
 
 from benchmarks.timing import header, machine, row, seconds
-from dipcg.inference.classifier import ENCODER, Kinds, fit, load_kinds, summaries
+from dipcg.inference.classifier import ENCODER, Kinds, load_kinds
 from dipcg.pipeline import Inverter
+from dipcg.training.fit import fit, summaries
 
 FITTED_ON = int(os.environ.get("DIPCG_BENCH_PICTURES", "1500"))
 TESTED_ON = 256

@@ -16,7 +16,7 @@ from benchmarks.timing import header, machine, row
 from dipcg.evaluation.evaluate import Case, distance, pair_cases
 from dipcg.inference.search import Metropolis, Moves, Point, search
 from dipcg.pipeline import Inverter
-from dipcg.workers.pool import BuildError
+from dipcg.workers.process import BuildError
 
 CHECKPOINT = os.environ.get("DIPCG_BENCH_CHECKPOINT", "chair")
 CALLS = int(os.environ.get("DIPCG_BENCH_CALLS", "300"))

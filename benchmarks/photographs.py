@@ -10,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from dipcg.workers.rpc import Blender
-from dipcg.training.pictures import load_shapes
+from dipcg.data.shapes import load_shapes
 from dipcg.generators import Generator
 from dipcg.images import MARGIN, save_image
 from dipcg.mesh import Mesh
 from dipcg.metrics import sample_surface
-from dipcg.workers.pool import BuildError, BuildPool
+from dipcg.workers.pool import BuildPool
+from dipcg.workers.process import BuildError
+from dipcg.workers.rpc import Blender
 
 COUNT, SIDE, SAMPLES, POINTS = 100, 256, 32, 20_000
 
@@ -41,7 +42,7 @@ def main(name: str, data: str, folder: str, count: int = COUNT) -> None:
 
 def _write(blender: Blender, generator: Generator, mesh: Mesh, number: int, picture: Path) -> None:
     view = generator.views.sample(np.random.default_rng([7, number]))
-    image = blender.call("_studio:photograph", mesh, generator.ref, number, view, SIDE, SAMPLES, MARGIN)
+    image = blender.call("scene:photograph", mesh, generator.ref, number, view, SIDE, SAMPLES, MARGIN)
     points = sample_surface(mesh, POINTS, np.random.default_rng(number))
     np.savez_compressed(picture.with_suffix(".npz"), points=points.astype(np.float32))
     save_image(image, picture)  # last: a picture that is there is complete

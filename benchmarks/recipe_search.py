@@ -14,10 +14,10 @@ import numpy as np
 from benchmarks.timing import header, machine, row
 from benchmarks.trained import train
 from dipcg.evaluation.evaluate import Case, distance, pair_cases, split_cases
-from dipcg.metrics import load_metric
-from dipcg.pipeline import Inverter
 from dipcg.evaluation.tables import bootstrap
+from dipcg.metrics import load_metric
 from dipcg.model.zoo import CARD
+from dipcg.pipeline import Inverter
 
 MINUTES = os.environ.get("DIPCG_BENCH_MINUTES", "3")
 COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "32"))

@@ -13,13 +13,13 @@ import torch
 from torch import nn
 
 from benchmarks.timing import header, machine, row
-from dipcg.model import ddpm
 from dipcg.camera import VIEW_NUMBERS
 from dipcg.config import ModelConfig
-from dipcg.model.denoiser import Denoiser, Outputs
-from dipcg.model.dit import DiT
 from dipcg.encoders import Features
 from dipcg.generators import load_generator
+from dipcg.model import ddpm
+from dipcg.model.denoiser import Denoiser, Outputs
+from dipcg.model.dit import DiT
 from dipcg.pipeline import EXPECTED_OVER
 from dipcg.training.recipes import RECIPES
 

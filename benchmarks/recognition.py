@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.timing import header, machine, row
+from dipcg.data.store import Store
 from dipcg.evaluation.evaluate import split_cases
 from dipcg.images import Source
-from dipcg.pipeline import Inverter
 from dipcg.inference.rank import rank, warning
 from dipcg.inference.recognise import TRIED, at_a_glance, doubt, recognisable, strangeness
-from dipcg.data.store import Store
+from dipcg.pipeline import Inverter
 
 COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "20"))
 OF = " of "  # between what pictures show and the folder they are from

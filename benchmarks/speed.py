@@ -6,8 +6,8 @@ import tempfile
 from pathlib import Path
 
 from benchmarks.timing import header, machine, row, seconds
-from dipcg.pipeline import Inverter
 from dipcg.inference.rank import rank
+from dipcg.pipeline import Inverter
 
 PICTURE = Path(__file__).parent.parent / "examples/images/chair.png"
 

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from dipcg.export.textures import texture
-from dipcg.workers.rpc import Blender
 from dipcg.camera import View
 from dipcg.export.asset import Asset
+from dipcg.export.textures import texture
 from dipcg.images import MARGIN, over_white, save_image
 from dipcg.workers.pool import BuildPool
+from dipcg.workers.rpc import Blender
 
 ASSETS = ["chair", "10", "chair", "8", "table", "6", "vase", "5"]
 SIZE, FACES, SIDE, SAMPLES, VIEW = 512, 30_000, 384, 32, View(30.0, 20.0)
@@ -26,7 +26,7 @@ def main(out: str, assets: list[str]) -> None:
     with tempfile.TemporaryDirectory() as folder, Blender() as blender:
         for name, seed in zip(assets[::2], map(int, assets[1::2]), strict=True):
             path = str(_textured(name, seed).export(Path(folder) / f"{name}{seed}.glb"))
-            image = blender.call("_studio:photograph_file", path, seed, VIEW, SIDE, SAMPLES, MARGIN)
+            image = blender.call("scene:photograph_file", path, seed, VIEW, SIDE, SAMPLES, MARGIN)
             tiles.append(over_white(image))
     save_image(np.concatenate(tiles, 1), out)
 

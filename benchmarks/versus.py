@@ -17,19 +17,19 @@ import numpy as np
 
 from benchmarks.memory import PeakMemory
 from benchmarks.timing import header, machine, row
-from dipcg.inference.compare import SIDE, Picture
 from dipcg.evaluation.evaluate import Case, split_cases
 from dipcg.evaluation.external import find_mesh, measured, read_mesh
+from dipcg.evaluation.retrieval import Neighbours
 from dipcg.images import prepare
+from dipcg.inference.compare import SIDE, Picture
+from dipcg.inference.rank import rank
 from dipcg.inference.search import Objective, Point, make_searcher, search
+from dipcg.inference.trace import marks
 from dipcg.mesh import Mesh
 from dipcg.metrics import load_metric, surface_points
-from dipcg.evaluation.retrieval import Neighbours
 from dipcg.pipeline import Inverter
-from dipcg.inference.rank import rank
 from dipcg.space import Params
-from dipcg.inference.trace import marks
-from dipcg.workers.pool import BuildError
+from dipcg.workers.process import BuildError
 
 COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "50"))
 CALLS = int(os.environ.get("DIPCG_BENCH_CALLS", "1000"))

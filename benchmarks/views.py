@@ -6,7 +6,7 @@ import numpy as np
 
 from benchmarks.timing import header, row
 from dipcg.data.codec import decode_mesh
-from dipcg.training.pictures import load_shapes
+from dipcg.data.shapes import load_shapes
 from dipcg.images import MARGIN
 from dipcg.metrics import chamfer, surface_points
 from dipcg.pipeline import Inverter

@@ -15,11 +15,11 @@ import numpy as np
 import torch
 
 from benchmarks.timing import header, machine, row
-from dipcg.training import captions
 from dipcg.config import ModelConfig, TrainConfig
 from dipcg.encoders.sentence import embed
 from dipcg.pipeline import Inverter
 from dipcg.space import Choice, Parameter
+from dipcg.training import captions
 from dipcg.training.train import train
 
 MODEL = ModelConfig(encoder="sentence", width=128, heads=4, depth=2, summary=256)

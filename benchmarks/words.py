@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.timing import header, row
+from dipcg.model.zoo import WORDS
 from dipcg.pipeline import Inverter
 from dipcg.space import Choice, ParameterSpace, Params
-from dipcg.model.zoo import WORDS
 
 SENTENCES = Path(__file__).with_name("sentences.toml")
 

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from dipcg.workers.rpc import Blender
 from dipcg.camera import View, camera_position
 from dipcg.generators import load_generator
 from dipcg.images import MARGIN, edges, load_image, save_image
 from dipcg.mesh import Mesh
 from dipcg.workers.pool import BuildPool
+from dipcg.workers.rpc import Blender
 
 FOLDER = Path(__file__).parent / "images"
 CHAIRS = {
@@ -59,7 +59,7 @@ def photograph_in_materials(blender: Blender, name: str, seed: int, view: View) 
         generator = pool.generator
         mesh = pool.build(generator.space.sample(np.random.default_rng(seed)), "light")
     asked = (mesh, generator.ref, seed, view, SIDE, SAMPLES, MARGIN)
-    image = blender.call("_studio:photograph", *asked, timeout_s=PATIENCE_S)
+    image = blender.call("scene:photograph", *asked, timeout_s=PATIENCE_S)
     alpha = image[..., 3:] / 255
     picture = (image[..., :3] * alpha + SKY * (1 - alpha)).astype(np.uint8)  # white things cannot be cut from white
     drawn = Image.fromarray(picture).quantize(COLOURS)  # half the bytes

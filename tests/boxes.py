@@ -7,11 +7,11 @@ import numpy as np
 import torch
 
 from dipcg.camera import View
-from dipcg.inference.compare import SIDE
 from dipcg.config import ModelConfig
-from dipcg.model.denoiser import Estimator
 from dipcg.generators import load_generator
 from dipcg.images import MARGIN
+from dipcg.inference.compare import SIDE
+from dipcg.model.estimators import Estimator
 from dipcg.pipeline import Candidate, Estimate, Inverter
 from dipcg.render import Renderer, sample_look
 from dipcg.space import Params, Real

@@ -12,9 +12,9 @@ from boxes import TINY, TRUTH, VIEW, untrained
 from dipcg.app.server import build_page, launch
 from dipcg.app.service import Studio
 from dipcg.app.state import Found, Work
-from dipcg.model.checkpoint import save_checkpoint
 from dipcg.config import ModelConfig
 from dipcg.images import Source
+from dipcg.model.checkpoint import save_checkpoint
 from dipcg.pipeline import Estimate, Inverter
 
 OPEN = Work("box", (Found(TRUTH, VIEW),), 0, TRUTH)

@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -15,22 +16,36 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "dipcg"
 README = ROOT / "README.md"
 
-# A file may import its own layer and those above it in this list.
-LAYERS = [
-    ["space", "mesh", "surface", "camera", "images", "registry", "config", "recipes", "spread"],
-    ["generators", "adopt", "codec", "worker", "blender", "draws", "shards", "store", "cluster", "render", "augment"]
-    + ["captions", "locks", "compare", "mcmc", "trace"],
-    ["encoders", "denoiser", "ddpm", "dit", "estimators", "diffusion", "sampling", "dataset", "telling", "validate"]
-    + ["train", "tracking", "weights", "checkpoint", "rank", "refine", "recognise", "pipeline", "metrics", "evaluate"]
-    + ["export", "export_gltf", "export_usd", "export_blend", "bake", "batch", "preview"]
-    + ["team", "correct", "kinds", "heard", "snapshots", "tables", "baselines", "nearest", "topology", "foreign"]
-    + ["published", "answer"],
-    ["cli", "cli_assets", "cli_estimate", "cli_generators", "cli_learning", "cli_mcmc", "cli_meshes", "cli_import"]
-    + ["cli_app", "app", "app_actions", "app_api", "app_cutout", "app_desk", "app_events", "app_limits", "app_page"]
-    + ["app_parameters", "app_studio", "app_viewer", "app_work", "doctor", "listing", "terminal"]
-    + ["__main__", "__init__"],
-]
-TORCH_FREE = {*LAYERS[0], *LAYERS[1], *LAYERS[3]}
+
+@dataclass(frozen=True)
+class Room:
+    """A folder: the rooms right below it, and where its files may import torch and Blender."""
+
+    below: str
+    torch: str = "never"
+    blender: str = "never"
+
+
+# A file may import its own room and every room below it. "root" is the files right in the package.
+ROOMS = {
+    "cli": Room("app training evaluation", torch="in functions"),
+    "app": Room("inference", torch="anywhere"),
+    "training": Room("inference", torch="anywhere"),
+    "evaluation": Room("inference", torch="anywhere"),
+    "inference": Room("pipeline metrics", torch="anywhere"),
+    "pipeline": Room("data export model", torch="anywhere"),
+    "export": Room("workers"),
+    "data": Room("workers"),
+    "model": Room("encoders generators", torch="anywhere"),
+    "workers": Room("generators"),
+    "generators": Room("blender", blender="in functions"),
+    "blender": Room("root", blender="in functions"),
+    "encoders": Room("root", torch="anywhere"),
+    "metrics": Room("root", torch="anywhere"),
+    "root": Room(""),
+}
+# The faces of the package, which import what they show when they are asked for it.
+FACES = {"dipcg", "dipcg.__main__"}
 FORBIDDEN_NAMES = {"utils", "core", "common", "helpers", "base"}
 BLENDER = {"bpy", "infinigen"}
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
@@ -42,12 +57,21 @@ per_file = pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.rela
 
 @per_file
 def test_imports_run_one_way(path: Path) -> None:
-    here = layer(module_name(path))
+    here = module_name(path)
     for imported in imports(path):
-        if imported.startswith("dipcg."):
-            assert layer(imported) <= here, (
-                f"{path.name} imports {imported}, which is built upon it; see ARCHITECTURE.md"
-            )
+        assert here in FACES or may_import(here, imported), (
+            f"{here} imports {imported}, but {room(here)} may import only {room(here)} and "
+            f"{', '.join(sorted(below(room(here)))) or 'nothing else'} of this package; see ARCHITECTURE.md"
+        )
+
+
+def test_the_rule_refuses_what_runs_back_up() -> None:
+    assert may_import("dipcg.app.server", "dipcg.inference.rank")
+    assert may_import("dipcg.inference.rank", "dipcg.camera")
+    assert not may_import("dipcg.data.store", "dipcg.pipeline")
+    assert not may_import("dipcg.space", "dipcg.generators")
+    assert not may_import("dipcg.encoders.conv", "dipcg.metrics.chamfer")
+    assert not may_import("dipcg.training.train", "dipcg.evaluation.evaluate")
 
 
 def test_imports_have_no_cycle() -> None:
@@ -59,31 +83,17 @@ def test_imports_have_no_cycle() -> None:
 
 
 @per_file
-def test_blender_is_imported_by_workers_only(path: Path) -> None:
-    early = {name.split(".")[0] for name in imports(path, module_level=True)}
-    anywhere = {name.split(".")[0] for name in imports(path)}
-    assert not early & BLENDER, (
-        f"{path.name} starts Blender when it is imported; import inside the function that builds"
-    )
-    assert path.parent.name == "generators" or not anywhere & BLENDER, (
-        f"{path.name} is no generator and imports Blender"
-    )
+@pytest.mark.parametrize("packages", [{"torch"}, BLENDER], ids=["torch", "Blender"])
+def test_heavy_packages_are_imported_where_the_room_allows(path: Path, packages: set[str]) -> None:
+    allowed = ROOMS[room(module_name(path))]
+    rule = allowed.torch if packages == {"torch"} else allowed.blender
+    found = {top_level(name) for name in imports(path, module_level=rule == "in functions")} & packages
+    assert rule == "anywhere" or not found, f"{path.name} imports {found}, which its room allows {rule}"
 
 
-@per_file
-def test_lower_layers_are_free_of_torch(path: Path) -> None:
-    name = top(module_name(path))
-    lower = name in LAYERS[0] + LAYERS[1]
-    named = imports(path, module_level=not lower)
-    assert name not in TORCH_FREE or not any(top_level(m) == "torch" for m in named), f"{path.name} imports torch"
-
-
-@pytest.mark.parametrize("what", ["import dipcg", "import dipcg.cli.doctor", "worker", "dipcg --help"])
+@pytest.mark.parametrize("what", ["import dipcg", "import dipcg.cli.doctor", "rooms", "dipcg --help"])
 def test_light_entry_points_load_neither_torch_nor_blender(what: str) -> None:
-    code = {
-        "worker": "import dipcg.workers.pool, dipcg.generators\n" + every_module_of(LAYERS[0] + LAYERS[1]),
-        "dipcg --help": HELP,
-    }.get(what, what)
+    code = {"rooms": imports_without_torch(), "dipcg --help": HELP}.get(what, what)
     heavy = "print('loaded', sorted({'torch', 'bpy', 'infinigen', 'transformers', 'gradio'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", f"import sys\n{code}\n{heavy}"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -92,13 +102,19 @@ def test_light_entry_points_load_neither_torch_nor_blender(what: str) -> None:
 
 def test_readme_tree_is_true() -> None:
     listed = readme_tree(README.read_text())
-    there = {str(path.relative_to(PACKAGE)) for path in FILES if path.name != "__init__.py"}
-    files = {name for name in listed if name.endswith(".py")}
-    assert not there - files, f"These files have no line in the README's tree: {sorted(there - files)}."
+    files = {path.name for path in PACKAGE.glob("*.py") if not path.name.startswith("__")}
+    folders = {f"{name}/" for name in ROOMS if (PACKAGE / name).is_dir()}
+    missing = (files | folders) - listed.keys()
+    assert not missing, f"These have no line in the README's tree: {sorted(missing)}."
     gone = sorted(name for name in listed if not (PACKAGE / name).exists())
     assert not gone, f"The README's tree names what is not there: {gone}."
-    silent = sorted(name for name, words in listed.items() if name.endswith(".py") and not words)
+    silent = sorted(name for name, words in listed.items() if not words)
     assert not silent, f"These lines of the README's tree do not say what the file is for: {silent}."
+
+
+def test_every_room_is_in_the_table() -> None:
+    folders = {path.parent.name for path in PACKAGE.glob("*/*.py")}
+    assert folders == {name for name in ROOMS if (PACKAGE / name).is_dir()}
 
 
 def test_the_tree_reader_reads_both_common_drawings() -> None:
@@ -121,7 +137,7 @@ def test_files_are_short(path: Path) -> None:
 
 
 HELP = """
-from dipcg.cli.commands import main
+from dipcg.cli import main
 sys.argv = ["dipcg", "--help"]
 try:
     main()
@@ -132,23 +148,28 @@ except SystemExit as end:
 
 def module_name(path: Path) -> str:
     parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
-    return ".".join(parts[:-1] if parts[-1] == "__init__" and len(parts) > 2 else parts)
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def top(module: str) -> str:
-    """`generators` of `dipcg.generators.box`."""
-    return module.split(".")[1]
+def room(module: str) -> str:
+    """`generators` of `dipcg.generators.box`, `root` of `dipcg.space`."""
+    first = module.split(".")[1] if "." in module else ""
+    return first if first in ROOMS else "root"
+
+
+def below(name: str) -> set[str]:
+    """All rooms that files of a room may import besides their own."""
+    direct = set(ROOMS[name].below.split()) | ({"root"} - {name})
+    return direct.union(*(below(other) for other in direct - {"root"}))
+
+
+def may_import(module: str, imported: str) -> bool:
+    own = room(module)
+    return top_level(imported) != "dipcg" or room(imported) in {own} | below(own)
 
 
 def top_level(module: str) -> str:
     return module.split(".")[0]
-
-
-def layer(module: str) -> int:
-    for number, names in enumerate(LAYERS):
-        if top(module) in names:
-            return number
-    raise AssertionError(f"{module} has no layer yet: give it one in LAYERS here and in ARCHITECTURE.md.")
 
 
 def imports(path: Path, module_level: bool = False) -> set[str]:
@@ -175,9 +196,9 @@ def imported_by(node: ast.AST, path: Path) -> list[str]:
 
 def resolve(name: str) -> str:
     """The module that holds a dotted name: `dipcg.space` of `dipcg.space.Real`; other packages unchanged."""
-    while name.count(".") > 1 and name.startswith("dipcg.") and not is_module(name):
+    while name.count(".") > 0 and top_level(name) == "dipcg" and not is_module(name):
         name = name.rpartition(".")[0]
-    return "dipcg.__init__" if name == "dipcg" or (name.startswith("dipcg.") and not is_module(name)) else name
+    return name
 
 
 def is_module(name: str) -> bool:
@@ -185,10 +206,10 @@ def is_module(name: str) -> bool:
     return path.with_suffix(".py").is_file() or (path / "__init__.py").is_file()
 
 
-def every_module_of(names: list[str]) -> str:
-    """Imports of all files of these modules and packages, as source."""
-    chosen = [module_name(path) for path in FILES if top(module_name(path)) in names]
-    return "\n".join(f"import {module}" for module in chosen)
+def imports_without_torch() -> str:
+    """Imports of all files of the rooms that never import torch when they are imported, as source."""
+    chosen = [module_name(path) for path in FILES if ROOMS[room(module_name(path))].torch != "anywhere"]
+    return "\n".join(f"import {module}" for module in chosen if not module.endswith("__main__"))
 
 
 def readme_tree(text: str) -> dict[str, str]:

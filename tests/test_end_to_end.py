@@ -17,13 +17,13 @@ import trimesh
 from PIL import Image
 from safetensors.numpy import load_file
 
-from dipcg.cli.commands import main
+from dipcg.cli import main
+from dipcg.data.store import Store
 from dipcg.generators import load_generator
 from dipcg.images import MARGIN, save_image
-from dipcg.pipeline import Inverter
 from dipcg.inference.rank import rank
+from dipcg.pipeline import Inverter
 from dipcg.render import Renderer
-from dipcg.data.store import Store
 
 SPACE = load_generator("box").space
 COUNT = 60  # three of them in the test split

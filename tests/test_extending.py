@@ -14,18 +14,24 @@ import numpy as np
 import pytest
 import trimesh
 
-from dipcg.cli.commands import main
+from dipcg.cli import main
+from dipcg.data.store import Store
 from dipcg.generators import load_generator
 from dipcg.images import MARGIN, save_image
 from dipcg.render import Renderer
 from dipcg.space import params_from_json
-from dipcg.data.store import Store
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "extending.md").read_text()
 SMALLER = {"--count 5000": "--count 40", "--count 50": "--count 1 --candidates 2 --steps 2 --metric chamfer"}
 SMALLER["--minutes 30"] = "--minutes 0.05 --denoiser-from 0.2 --depth 1 --batch 16"
-TRAIN = "import sys; from dipcg import cli, train; train.VALIDATION_PICTURES = 4; cli.main(sys.argv[1:])"
+TRAIN = """
+import sys
+from dipcg.cli import main
+from dipcg.training import train
+train.VALIDATION_PICTURES = 4
+main(sys.argv[1:])
+"""
 TINY_ESTIMATE = " --candidates 2 --steps 2"
 
 

@@ -1,6 +1,6 @@
 """`python -m dipcg`, for launchers that start a module."""
 
-from dipcg.cli.commands import main
+from dipcg.cli import main
 
 if __name__ == "__main__":
     main()

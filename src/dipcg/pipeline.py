@@ -15,19 +15,19 @@ from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from dipcg.camera import VIEW_NUMBERS, View, decode_view, encode_view
-from dipcg.model.checkpoint import load_checkpoint
-from dipcg.model.denoiser import Condition, Prediction
 from dipcg.encoders import Features
-from dipcg.model.estimators import AnyEstimator
 from dipcg.export.asset import Asset
 from dipcg.generators import Detail, Generator
 from dipcg.images import Background, Source, over_white, prepare
-from dipcg.model.constraints import check_kept, encoded, needed
 from dipcg.mesh import Mesh
+from dipcg.model.checkpoint import load_checkpoint
+from dipcg.model.constraints import check_kept, encoded, needed
+from dipcg.model.denoiser import Condition, Prediction
+from dipcg.model.estimators import AnyEstimator
 from dipcg.model.sampling import sample
-from dipcg.space import Choice, Params, Value
 from dipcg.model.uncertainty import central_first, spread, widened
 from dipcg.model.zoo import find_checkpoint
+from dipcg.space import Choice, Params, Value
 from dipcg.workers.pool import BuildPool
 
 Locks = tuple[Float[Tensor, " d"], Bool[Tensor, " d"]]  # values of x, and which of them are given

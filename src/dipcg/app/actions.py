@@ -14,17 +14,17 @@ import numpy as np
 from jaxtyping import UInt8
 
 from dipcg.app import state as app_work
-from dipcg.inference.serialise import answer
 from dipcg.app.cutout import Correction, corrected
-from dipcg.app.session import Change
 from dipcg.app.service import CANDIDATES, Report, Studio
-from dipcg.app.viewer import data_url, scene
+from dipcg.app.session import Change
 from dipcg.app.state import Asked, Work
+from dipcg.app.viewer import data_url, scene
 from dipcg.export.asset import FORMATS, NEEDS
 from dipcg.generators import Detail
 from dipcg.images import Source, crop_to_object, cut_out, load_image
-from dipcg.pipeline import Estimate
 from dipcg.inference.recognise import doubt
+from dipcg.inference.serialise import answer
+from dipcg.pipeline import Estimate
 
 KEPT_S = 3600.0  # seconds that a written file stays
 PARAMETERS = ".json"

@@ -14,13 +14,13 @@ import numpy as np
 from dipcg.app import actions as actions
 from dipcg.app import state as app_work
 from dipcg.app.cutout import Correction, corrected, shown
-from dipcg.app.session import Change, Desk
 from dipcg.app.limits import FAILED, sentence
 from dipcg.app.panel import rows
 from dipcg.app.service import Studio
+from dipcg.app.session import Change, Desk
 from dipcg.app.state import Asked, Work
 from dipcg.images import load_image, over_white
-from dipcg.workers.pool import BuildError
+from dipcg.workers.process import BuildError
 
 Shown = tuple[Any, ...]
 

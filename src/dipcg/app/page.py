@@ -9,15 +9,15 @@ import gradio as gr
 
 from dipcg.app import actions as actions
 from dipcg.app.cutout import HOWS
-from dipcg.app.session import Desk
 from dipcg.app.events import Events
 from dipcg.app.limits import telling, uploaded
 from dipcg.app.service import Studio
+from dipcg.app.session import Desk
 from dipcg.app.viewer import data_url
 from dipcg.images import load_image, over_white
 
-FILES = Path(__file__).parent / "page"
-EXAMPLES = (Path(__file__).parent / "examples", Path(__file__).parents[2] / "examples" / "images")
+FILES = Path(__file__).parent / "static"
+EXAMPLES = (Path(__file__).parents[1] / "examples", Path(__file__).parents[3] / "examples" / "images")
 BUILDS, ESTIMATES = 4, 2  # at once; more wait in the queue
 CHOOSE = "let it choose"
 MOST_LETTERS = 500  # of words

@@ -19,15 +19,15 @@ from dipcg.camera import View
 from dipcg.export.asset import Asset
 from dipcg.generators import Detail
 from dipcg.images import MARGIN, Source
-from dipcg.mesh import Mesh
-from dipcg.pipeline import Estimate, Inverter
 from dipcg.inference.preview import TOLD_VIEW
 from dipcg.inference.rank import merged, rank
 from dipcg.inference.recognise import recognisable, recognise
+from dipcg.mesh import Mesh
+from dipcg.model.zoo import find_words
+from dipcg.pipeline import Estimate, Inverter
 from dipcg.render import Renderer
 from dipcg.space import did_you_mean
-from dipcg.model.zoo import find_words
-from dipcg.workers.pool import BuildError
+from dipcg.workers.process import BuildError
 
 CANDIDATES = 8  # of the strip
 MOST_CANDIDATES = 32  # that one visitor may ask for

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import UInt8
 
-from dipcg.camera import View, fit, world_to_camera
 from dipcg.blender.infinigen import silence
 from dipcg.blender.materials import materials
+from dipcg.camera import View, fit, world_to_camera
 from dipcg.mesh import Mesh, make_mesh
 from dipcg.surface import corner_normals
 

@@ -70,8 +70,8 @@ Options = Annotated[Written, arg(name="")]
 
 
 def _textured(asset: Asset, size: int) -> Asset:
-    from dipcg.export.textures import texture
     from dipcg.cli.terminal import bar
+    from dipcg.export.textures import texture
 
     started = time.perf_counter()
     with bar("baking", 100) as update:

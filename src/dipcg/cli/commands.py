@@ -15,13 +15,14 @@ from itertools import pairwise
 import tyro
 from tyro.conf import FlagCreatePairsOff
 
-from dipcg.cli.serve import serve
 from dipcg.cli.assets import edit, sample
+from dipcg.cli.dataset import dataset_build, dataset_gallery, dataset_info
 from dipcg.cli.estimate import estimate
+from dipcg.cli.evaluate import evaluate
 from dipcg.cli.generators import generators, generators_add
-from dipcg.cli.convert import import_checkpoint
-from dipcg.cli.evaluate import dataset_build, dataset_gallery, dataset_info, evaluate, train
 from dipcg.cli.mcmc import mcmc
+from dipcg.cli.serve import serve
+from dipcg.cli.train import import_checkpoint, train
 
 
 def doctor(*, json: bool = False) -> None:
@@ -91,7 +92,3 @@ def _sentence(error: Exception) -> str:
     if isinstance(error, OSError) and error.filename:
         return f"{error.filename} cannot be used ({error.strerror})."
     return str(error.args[0] if error.args and isinstance(error, KeyError) else error)
-
-
-if __name__ == "__main__":
-    main()

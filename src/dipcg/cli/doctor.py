@@ -17,8 +17,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from dipcg import registry
+from dipcg.model.zoo import SHIPPED
 
-CHECKPOINTS = Path(__file__).parent / "checkpoints"
 MIN_MEMORY_GB = 4.0
 CHILD_TIMEOUT_S = 60.0
 
@@ -112,7 +112,7 @@ def check_cores() -> Check:
 
 def check_checkpoint(generator: str) -> Check:
     """Which trained weights ship for a generator; none is no fault."""
-    size_mb = sum(path.stat().st_size for path in (CHECKPOINTS / generator).rglob("*.safetensors")) / 1e6
+    size_mb = sum(path.stat().st_size for path in (SHIPPED / generator).rglob("*.safetensors")) / 1e6
     none = f"none: it can be sampled; after `dipcg train {generator}` it can be estimated"
     return Check(f"Weights: {generator}", True, f"{size_mb:.1f} MB" if size_mb else none)
 

@@ -133,9 +133,9 @@ class _Work:
         return dict(recognise(image, self.inverters))
 
     def _search(self, found: Estimate) -> Estimate:
+        from dipcg.cli.terminal import bar
         from dipcg.inference.rank import rank
         from dipcg.inference.refine import refine
-        from dipcg.cli.terminal import bar
 
         if self.refine is None:
             return rank(found) if self.ranked and len(found.candidates) > 1 else found
@@ -158,8 +158,8 @@ def _estimate_text(
     """Turn a sentence into an asset; raises ValueError when pictures are given too."""
     from dipcg.export.asset import check_target
     from dipcg.inference.recognise_text import recognise_text
-    from dipcg.pipeline import Inverter
     from dipcg.model.zoo import find_words
+    from dipcg.pipeline import Inverter
 
     if images:
         raise ValueError("Give pictures or --text, not both: dipcg estimate --text 'a tall bar chair' -o OUT.glb")
@@ -181,8 +181,8 @@ def _workers(once: bool) -> int:
 
 
 def _inverters(stack: ExitStack, generator: str | None, workers: int) -> dict[str, Inverter]:
-    from dipcg.pipeline import Inverter
     from dipcg.inference.recognise import recognisable
+    from dipcg.pipeline import Inverter
 
     names = recognisable() if generator is None else [generator]
     return {name: stack.enter_context(Inverter.load(name, workers if generator else 1)) for name in names}
@@ -265,8 +265,8 @@ def _write(found: Estimate, targets: Targets, written: Written) -> None:
 
 def _tell(image: Path, found: Estimate, chances: dict[str, float], targets: Targets, json: bool) -> None:
     """Say on the first stream what was written, and on the other what is doubtful about it."""
-    from dipcg.inference.serialise import answer
     from dipcg.inference.recognise import doubt
+    from dipcg.inference.serialise import answer
 
     output, params_out, _ = targets
     doubtful = doubt(found)

@@ -1,148 +1,21 @@
-"""Commands that make estimators: dataset build, info and gallery, train, evaluate."""
+"""The command that measures accuracy: evaluate."""
 
 from __future__ import annotations
 
 import json as jsons
-import time
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
 from itertools import count as counter
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING
 
-from tyro.conf import Positional, arg
-
-from dipcg.cli.assets import Output
-from dipcg.config import ModelConfig, TrainConfig
-from dipcg.model.zoo import RUNS
+from tyro.conf import Positional
 
 if TYPE_CHECKING:
     from dipcg.evaluation.baselines import Shape
     from dipcg.evaluation.evaluate import Case
+    from dipcg.evaluation.topology import Topology
     from dipcg.pipeline import Inverter
-    from dipcg.data.store import Progress
-
-
-def dataset_build(
-    generator: Positional[str],
-    /,
-    *,
-    output: Output,
-    count: int = 20_000,
-    seed: int = 0,
-    workers: int = 2,
-    timeout_s: float = 60.0,
-    drawing: Literal["uniform", "sobol"] = "uniform",
-    executor: Literal["local", "ray"] = "local",
-    address: str | None = None,
-    resume: bool = True,
-) -> None:
-    """Sample a generator and store parameters and light meshes; a killed build goes on where it was.
-
-    Args:
-        generator: name, or a path to a Python or TOML file
-        output: folder for the shards
-        count: number of shapes
-        seed: of the shapes
-        workers: processes that build
-        timeout_s: seconds after which a build is given up
-        drawing: of parameters, each by itself, or sobol: spread more evenly, for few samples
-        executor: this machine, or ray: a Ray cluster with as many workers as it has processors
-        address: of the Ray cluster, as `ray start` prints it; one on this machine when left out
-        resume: go on with a folder that already has shards
-    """
-    from dipcg.data.cluster import Ray
-    from dipcg.data.store import Local, build_dataset
-    from dipcg.cli.terminal import bar
-
-    if not resume and any(output.glob("shard-*.parquet")):
-        raise ValueError(f"{output} already has shards; choose another folder, or leave out --no-resume.")
-    where = Local(workers, timeout_s) if executor == "local" else Ray(address, timeout_s)
-    with bar("building", count) as update:
-        report = partial(_report, update, time.perf_counter())
-        failed = build_dataset(generator, output, count, seed, drawing, where, report)
-    why = f" `dipcg dataset info {output}` says why." if failed else ""
-    print(f"{count - failed} shapes in {output}, {failed} failed.{why}")
-
-
-def _report(update: Callable[[int, str], None], started: float, progress: Progress) -> None:
-    rate = progress.new / max(time.perf_counter() - started, 1e-6)
-    update(progress.done, f"{rate:.1f}/s, {progress.failed} failed")
-
-
-def dataset_info(folder: Positional[Path], /, *, json: bool = False) -> None:
-    """Say what a data set holds.
-
-    Args:
-        folder: with shards
-        json: print JSON
-    """
-    from dipcg.cli.listing import data_set
-    from dipcg.data.store import Store
-
-    found = Store(folder).summary()
-    print(jsons.dumps(found, indent=1) if json else data_set(found))
-
-
-def dataset_gallery(folder: Positional[Path], /, *, output: Output, count: int = 48) -> None:
-    """Draw a contact sheet of a data set.
-
-    Args:
-        folder: with shards
-        output: PNG file
-        count: number of shapes
-    """
-    from dipcg.export.asset import check_target
-    from dipcg.inference.preview import contact_sheet
-    from dipcg.data.store import Store
-
-    check_target(output, (".png",))
-    meshes = [sample.mesh for sample in islice(Store(folder).samples(), count) if sample.mesh]
-    if not meshes:
-        raise ValueError(f"None of the first {count} samples in {folder} has a mesh to draw.")
-    contact_sheet(meshes, output)
-    print(f"Wrote {output}.")
-
-
-def train(
-    generator: Positional[str],
-    /,
-    *,
-    data: Path,
-    output: Output = RUNS,
-    recipe: str = "ours",
-    train: Annotated[TrainConfig, arg(name="")] = TrainConfig(),  # noqa: B008 - frozen
-    model: Annotated[ModelConfig, arg(name="")] = ModelConfig(),  # noqa: B008 - frozen
-) -> None:
-    """Train an estimator on a data set; a killed run goes on where it was.
-
-    Args:
-        generator: name, or a path to a Python or TOML file; its checkpoint goes to a folder of this name in the output
-        data: folder from `dipcg dataset build`
-        output: folder for checkpoints
-        recipe: ours, paper, single-view, clip, small or large; what the flags below default to
-    """
-    from dipcg.generators import load_generator
-    from dipcg.training.recipes import find_recipe
-    from dipcg.data.store import Store
-    from dipcg.cli.terminal import bar
-    from dipcg.training.log import Log
-    from dipcg.training.train import train as run
-
-    find_recipe(recipe)
-    info = Store(data).info
-    if generator != info["generator"] and load_generator(generator).ref != info["ref"]:
-        raise ValueError(f"{data} holds shapes of {info['generator']!r}, not of {generator!r}.")
-    folder = output / info["generator"]
-    with bar("training", 1000) as update, Log(folder, data) as log:
-
-        def report(status: Any) -> None:
-            update(int(1000 * status.share), f"loss {status.loss:.3f}, {status.pictures_per_s:.0f} pictures/s")
-            log(status)
-
-        run(data, folder, train, model, report)
-    print(f"Wrote the best weights to {folder}. Try: dipcg estimate PICTURE -g {folder} -o out.glb")
 
 
 def evaluate(
@@ -185,11 +58,11 @@ def evaluate(
         pictures: folder for the pictures, as NAME.png
         json: file for the table as JSON
     """
+    from dipcg.cli.terminal import bar, differences, table
     from dipcg.evaluation.evaluate import Plan
     from dipcg.evaluation.evaluate import evaluate as measure
     from dipcg.export.asset import check_target
     from dipcg.pipeline import Inverter
-    from dipcg.cli.terminal import bar, differences, table
 
     if (data is None) == (pairs is None):
         raise ValueError("Give one of --data and --pairs.")
@@ -218,7 +91,6 @@ def _foreign(
     metric: tuple[str, ...],
     json: Path | None,
 ) -> None:
-    from dipcg.cli.meshes import compare_meshes
     from dipcg.evaluation.external import write_pictures
 
     if meshes is not None:
@@ -228,8 +100,8 @@ def _foreign(
 
 
 def _random_shapes(inverter: Inverter, data: Path | None, count: int) -> list[Shape]:
-    from dipcg.evaluation.baselines import built_shapes, stored_shapes
     from dipcg.cli.terminal import bar
+    from dipcg.evaluation.baselines import built_shapes, stored_shapes
 
     if data is not None:
         return stored_shapes(data, count)
@@ -244,3 +116,36 @@ def _cases(data: Path | None, pairs: Path | None, prefix: str, count: int) -> It
         return split_cases(data, count)
     assert pairs is not None
     return islice(pair_cases(pairs, prefix), count)
+
+
+def compare_meshes(
+    cases: Iterator[Case], folder: Path, count: int, metrics: list[str] | None, json: Path | None
+) -> None:
+    """Print the table of a folder's meshes and the table of their topology; write both as JSON when asked to."""
+    from dipcg.cli.terminal import bar, table
+    from dipcg.evaluation.external import measure_meshes
+
+    done = counter(1)
+    with bar("measuring", count) as update:
+        found, shapes, quads = measure_meshes(cases, folder, metrics, lambda case: update(next(done), case.name))
+    print(table(found) + "\n\n" + topology_table(shapes, quads))
+    if json:
+        about = {name: vars(shape) | {"quads": quads.get(name)} for name, shape in shapes.items()}
+        json.write_text(jsons.dumps({"accuracy": found.to_dict(), "topology": about}, indent=1))
+
+
+def topology_table(shapes: dict[str, Topology], quads: dict[str, float]) -> str:
+    """Medians over the meshes as a Markdown table; the share of quads only for files that can have any."""
+    import numpy as np
+
+    values = list(shapes.values())
+    cells = [
+        str(len(values)),
+        f"{np.median([shape.triangles for shape in values]):,.0f}",
+        f"{np.mean([shape.watertight for shape in values]):.0%}",
+        f"{np.median([shape.open_edges for shape in values]):,.0f}",
+        f"{np.median([shape.non_manifold_edges for shape in values]):,.0f}",
+        f"{np.mean(list(quads.values())):.0%}" if quads else "",
+    ]
+    head = ["meshes", "triangles (median)", "watertight", "open edges (median)", "non-manifold edges (median)", "quads"]
+    return "\n".join(f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), cells))

@@ -7,8 +7,8 @@ from typing import Any
 
 from dipcg import registry
 from dipcg.generators import load_generator
-from dipcg.space import Choice, Parameter
 from dipcg.model.zoo import shipped
+from dipcg.space import Choice, Parameter
 
 BARS = " ▁▂▃▄▅▆▇█"
 

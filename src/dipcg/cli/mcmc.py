@@ -58,8 +58,8 @@ def mcmc(
     """
     import numpy as np
 
-    from dipcg.inference.search import Objective, make_searcher, search
     from dipcg.cli.terminal import bar
+    from dipcg.inference.search import Objective, make_searcher, search
     from dipcg.inference.trace import Trace
     from dipcg.workers.pool import BuildPool
 
@@ -85,8 +85,8 @@ def mcmc(
 
 def _score(image: Path, generator: str, name: str, weights: str) -> tuple[Score, int]:
     """A distance between the picture and a render, and the side of the renders it wants."""
-    from dipcg.inference.compare import SIDE, Match, Picture
     from dipcg.images import prepare
+    from dipcg.inference.compare import SIDE, Match, Picture
 
     rules: dict[str, Callable[[Match], float]] = {
         "silhouette": lambda match: 1 - (match.silhouette or 0.0),
@@ -102,10 +102,10 @@ def _score(image: Path, generator: str, name: str, weights: str) -> tuple[Score,
 
 
 def _feature_score(image: Path, generator: str, name: str, weights: str) -> tuple[Score, int]:
-    from dipcg.model.checkpoint import load_checkpoint
     from dipcg.config import ModelConfig
     from dipcg.encoders import build_encoder, feature_distance
     from dipcg.images import prepare
+    from dipcg.model.checkpoint import load_checkpoint
     from dipcg.model.zoo import find_checkpoint
 
     if name == "conv":  # means nothing untrained
@@ -128,8 +128,8 @@ def _write(output: Path, image: Path, trace: Trace, objective: Objective, best: 
     import numpy as np
 
     from dipcg.images import over_white, prepare, save_image
-    from dipcg.space import params_to_json
     from dipcg.inference.trace import labelled, marks, plot_traces
+    from dipcg.space import params_to_json
 
     tiles = [labelled(over_white(prepare(image, SIDE)[0]), "picture")]
     for mark in marks(len(best)):
@@ -149,7 +149,7 @@ def _drawn(objective: Objective, point: Point) -> np.ndarray:
 
     from dipcg.images import MARGIN, over_white
     from dipcg.render import Renderer
-    from dipcg.workers.pool import BuildError
+    from dipcg.workers.process import BuildError
 
     try:
         mesh = objective.pool.build(objective.params(point), "light")

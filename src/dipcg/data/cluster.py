@@ -14,7 +14,8 @@ from typing import Any
 from dipcg.data.draws import Draws
 from dipcg.data.shards import build as build_shard
 from dipcg.data.store import Counts
-from dipcg.workers.pool import BuildError, BuildPool
+from dipcg.workers.pool import BuildPool
+from dipcg.workers.process import BuildError
 
 AHEAD = 2  # shards waiting or being built for each processor of the cluster
 

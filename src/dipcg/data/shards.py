@@ -24,7 +24,8 @@ from dipcg.data.draws import Draws
 from dipcg.generators import Generator
 from dipcg.mesh import Mesh
 from dipcg.space import Choice, Parameter, ParameterSpace, Params
-from dipcg.workers.pool import BuildError, Timed
+from dipcg.workers.pool import Timed
+from dipcg.workers.process import BuildError
 
 NUMBER, SEED, MESH, BUILD_S, FAILURE = "_number", "_seed", "_mesh", "_build_s", "_failure"
 _ABOUT = (

@@ -22,7 +22,8 @@ from dipcg.data.draws import Drawing, Draws
 from dipcg.generators import load_generator
 from dipcg.data.shards import FAILURE, NUMBER, Sample
 from dipcg.space import Parameter, ParameterSpace, Real
-from dipcg.workers.pool import BuildError, BuildPool, Timed
+from dipcg.workers.pool import BuildPool, Timed
+from dipcg.workers.process import BuildError
 
 SHARD = 250
 SPLITS = {"train": (0, 18), "validation": (18, 19), "test": (19, 20)}  # twentieths, by sample number
@@ -223,3 +224,9 @@ def _claim(folder: Path, draws: Draws) -> None:
         changed = ", ".join(key for key in ours if theirs.get(key) != ours[key])
         raise ValueError(f"{folder} already holds another data set (different {changed}); choose another folder.")
     return None
+
+
+
+
+
+

@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from dipcg.data.store import Store
 from dipcg.mesh import Mesh
 from dipcg.metrics import Points, surface_points
 from dipcg.metrics.chamfer import measure as chamfer
 from dipcg.metrics.chamfer import quarter_turn
 from dipcg.space import ParameterSpace, Params, Real
-from dipcg.data.store import Store
 from dipcg.workers.pool import BuildPool
 
 FEW = 300  # points by which most random shapes are ruled out

@@ -14,20 +14,21 @@ from typing import NamedTuple
 import numpy as np
 
 from dipcg import registry
+from dipcg.data.codec import decode_mesh
+from dipcg.data.shapes import load_shapes
 from dipcg.evaluation.baselines import Shape, middle, shortlist
-from dipcg.training.pictures import decode_mesh, load_shapes
+from dipcg.evaluation.tables import ESTIMATE, Table
 from dipcg.images import MARGIN, Source
+from dipcg.inference.rank import rank
+from dipcg.inference.refine import refine
 from dipcg.mesh import Mesh
 from dipcg.metrics import Metric, load_metric, normalise, surface_points
 from dipcg.metrics.chamfer import best_quarter_turn
 from dipcg.metrics.chamfer import measure as chamfer
 from dipcg.pipeline import Estimate, Inverter
-from dipcg.inference.rank import rank
-from dipcg.inference.refine import refine
 from dipcg.render import Renderer, sample_look
 from dipcg.space import Params
-from dipcg.evaluation.tables import ESTIMATE, Table
-from dipcg.workers.pool import BuildError
+from dipcg.workers.process import BuildError
 
 PICTURE = 256  # side of the pictures made of a test split
 CHOSEN_BY = 2500  # points by which the candidate nearest to the truth is found

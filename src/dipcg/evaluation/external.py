@@ -19,12 +19,12 @@ from scipy.spatial import KDTree
 
 from dipcg import registry
 from dipcg.evaluation.evaluate import Case
+from dipcg.evaluation.tables import Table
+from dipcg.evaluation.topology import Topology, quads_in, topology
 from dipcg.images import load_image, save_image
 from dipcg.mesh import Mesh, MeshError, make_mesh
 from dipcg.metrics import Metric, Points, load_metric, normalise, surface_points
 from dipcg.metrics.chamfer import measure as chamfer
-from dipcg.evaluation.tables import Table
-from dipcg.evaluation.topology import Topology, quads_in, topology
 
 FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
 CHOSEN_BY = 1500  # points by which the rotation is chosen

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from dipcg.camera import View
 from dipcg.data.codec import decode_mesh
-from dipcg.training.pictures import Shapes, load_shapes
+from dipcg.data.shapes import Shapes, load_shapes
 from dipcg.encoders import Features
 from dipcg.images import MARGIN, Source, over_white, prepare
 from dipcg.pipeline import Candidate, Inverter

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dipcg.workers.rpc import Blender
 from dipcg.blender.declaration import live_settings
 from dipcg.mesh import Mesh
 from dipcg.space import Params, params_to_json
+from dipcg.workers.rpc import Blender
 
 
 def write_blend(mesh: Mesh, generator: str, params: Params, seed: int, path: Path) -> None:
@@ -17,7 +17,7 @@ def write_blend(mesh: Mesh, generator: str, params: Params, seed: int, path: Pat
     """
     with Blender() as blender:
         if generator.endswith(".toml"):
-            blender.call("_geometry_nodes:save_with", *live_settings(Path(generator), params), str(path))
+            blender.call("geometry_nodes:save_with", *live_settings(Path(generator), params), str(path))
         else:
             text = params_to_json(params, generator)
-            blender.call("_studio:write_blend", mesh, generator, seed, text, str(path.absolute()))
+            blender.call("scene:write_blend", mesh, generator, seed, text, str(path.absolute()))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from dipcg.workers.rpc import Blender
 from dipcg.export.asset import Asset
 from dipcg.mesh import drop_degenerate
-from dipcg.workers.pool import Progress
+from dipcg.workers.process import Progress
+from dipcg.workers.rpc import Blender
 
 
 def texture(asset: Asset, size: int = 512, seed: int = 0, progress: Progress | None = None) -> Asset:
@@ -18,5 +18,5 @@ def texture(asset: Asset, size: int = 512, seed: int = 0, progress: Progress | N
     """
     mesh = drop_degenerate(asset.mesh)
     with Blender() as blender:
-        maps = blender.call("_bake:bake", mesh, asset.generator, seed, size, progress=progress)
+        maps = blender.call("bake:bake", mesh, asset.generator, seed, size, progress=progress)
     return replace(asset, mesh=mesh, maps=maps, material_seed=seed)

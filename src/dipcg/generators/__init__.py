@@ -23,8 +23,8 @@ from typing import Any, Literal
 import numpy as np
 
 from dipcg import registry
-from dipcg.camera import ViewGrid, ViewRange
 from dipcg.blender.declaration import read_declaration
+from dipcg.camera import ViewGrid, ViewRange
 from dipcg.mesh import Mesh, make_mesh, simplify
 from dipcg.space import ParameterSpace, Params
 

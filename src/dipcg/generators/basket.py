@@ -23,7 +23,6 @@ from typing import Any
 
 import numpy as np
 
-from dipcg.camera import ViewRange
 from dipcg.blender.infinigen import (
     find_node,
     graph_object,
@@ -33,6 +32,7 @@ from dipcg.blender.infinigen import (
     replaced,
     silence,
 )
+from dipcg.camera import ViewRange
 from dipcg.mesh import Mesh, make_mesh
 from dipcg.space import Choice, ParameterSpace, Params, Real
 

@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 
-from dipcg.camera import ViewRange
 from dipcg.blender.infinigen import (
     Piece,
     clean_blender,
@@ -31,6 +30,7 @@ from dipcg.blender.infinigen import (
     silence,
 )
 from dipcg.blender.polylines import dissolve_straight, every_other_point
+from dipcg.camera import ViewRange
 from dipcg.mesh import Mesh, join
 from dipcg.space import Choice, ParameterSpace, Params, Real
 

@@ -29,7 +29,6 @@ from typing import Any
 
 import numpy as np
 
-from dipcg.camera import ViewRange
 from dipcg.blender.infinigen import (
     Piece,
     find_node,
@@ -42,6 +41,7 @@ from dipcg.blender.infinigen import (
     set_node,
     silence,
 )
+from dipcg.camera import ViewRange
 from dipcg.mesh import Mesh, join, simplify
 from dipcg.space import Choice, ParameterSpace, Params, Real
 

@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 
-from dipcg.camera import ViewRange
 from dipcg.blender.infinigen import (
     Piece,
     evaluated,
@@ -35,6 +34,7 @@ from dipcg.blender.infinigen import (
     set_node,
     silence,
 )
+from dipcg.camera import ViewRange
 from dipcg.mesh import Mesh, join
 from dipcg.space import ParameterSpace, Params, Real
 

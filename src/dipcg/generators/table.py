@@ -27,7 +27,6 @@ from typing import Any
 
 import numpy as np
 
-from dipcg.camera import ViewRange
 from dipcg.blender.caps import recapped
 from dipcg.blender.infinigen import (
     Piece,
@@ -41,6 +40,7 @@ from dipcg.blender.infinigen import (
     set_node,
     silence,
 )
+from dipcg.camera import ViewRange
 from dipcg.mesh import Mesh, join, simplify
 from dipcg.space import Choice, ParameterSpace, Params, Real
 

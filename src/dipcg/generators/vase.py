@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 
-from dipcg.camera import ViewRange
 from dipcg.blender.infinigen import (
     evaluated,
     graph_object,
@@ -30,6 +29,7 @@ from dipcg.blender.infinigen import (
     set_inputs,
     silence,
 )
+from dipcg.camera import ViewRange
 from dipcg.mesh import Mesh, make_mesh
 from dipcg.space import Choice, ParameterSpace, Params, Real
 

@@ -11,8 +11,8 @@ import torch
 from jaxtyping import Bool, Float, UInt8
 
 from dipcg.camera import VIEW_NUMBERS, View, decode_view, encode_view
-from dipcg.model.estimators import PaperEstimator
 from dipcg.images import MARGIN
+from dipcg.model.estimators import PaperEstimator
 from dipcg.pipeline import Candidate, Estimate, Inverter
 from dipcg.render import Renderer
 from dipcg.space import Params

@@ -15,14 +15,14 @@ from scipy.optimize import minimize
 from scipy.spatial import KDTree
 
 from dipcg.camera import View
-from dipcg.inference.compare import SIDE, Picture
 from dipcg.images import MARGIN
+from dipcg.inference.compare import SIDE, Picture
 from dipcg.mesh import Mesh
 from dipcg.metrics import surface_points
 from dipcg.pipeline import Candidate, Estimate
 from dipcg.render import Renderer
 from dipcg.space import Choice, Params
-from dipcg.workers.pool import BuildError
+from dipcg.workers.process import BuildError
 
 SAME = 0.03  # mean difference of active reals in x, below which two candidates with the same choices are one
 GLANCES = 10  # renders in the search for a candidate's camera: without it a good one a few degrees off looks bad

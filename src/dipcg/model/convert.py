@@ -15,8 +15,8 @@ from torch import Tensor
 
 from dipcg.config import ModelConfig
 from dipcg.model.dit import DiT, positions
-from dipcg.space import ParameterSpace
 from dipcg.model.zoo import CheckpointError
+from dipcg.space import ParameterSpace
 
 Weights = dict[str, Tensor]
 HEAD = 32  # numbers in an attention head: the paper's 192 over 6

@@ -15,7 +15,7 @@ from torch import Tensor, nn
 
 from dipcg.camera import VIEW_NUMBERS
 from dipcg.config import ModelConfig
-from dipcg.encoders import Features, build_encoder
+from dipcg.encoders import Features
 from dipcg.space import Choice, ParameterSpace
 
 KeysValues = list[tuple[Tensor, Tensor]]
@@ -41,26 +41,6 @@ class Condition:
         """Each picture `times` times in a row."""
         pairs = [(k.repeat_interleave(times, 0), v.repeat_interleave(times, 0)) for k, v in self.keys_values]
         return Condition(pairs, self.summary.repeat_interleave(times, 0), self.guess.repeat_interleave(times, 0))
-
-
-class Estimator(nn.Module):
-    """From pictures to parameters and camera, for one parameter space."""
-
-    def __init__(self, space: ParameterSpace, config: ModelConfig) -> None:
-        super().__init__()
-        self.config = config
-        self.encoder = build_encoder(config)
-        self.outputs = Outputs(space)
-        self.guess = nn.Linear(config.summary, self.outputs.numbers)
-        self.denoiser = Denoiser(self.outputs, config, self.encoder.channels)  # type: ignore[arg-type]
-
-    def first_guess(self, features: Features) -> Prediction:
-        """Direct regression from the summary: the cheap baseline, and the denoiser's starting point."""
-        return self.outputs(self.guess(features.summary))
-
-    def condition(self, features: Features) -> Condition:
-        """What the denoiser attends to; the guess is not trained through it."""
-        return self.denoiser.condition(features, self.guess(features.summary).detach())
 
 
 class Outputs(nn.Module):

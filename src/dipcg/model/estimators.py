@@ -6,15 +6,35 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from dipcg.model import ddpm
 from dipcg.camera import VIEW_NUMBERS, View, encode_view
 from dipcg.config import ModelConfig
-from dipcg.model.denoiser import Condition, Estimator, Outputs, Prediction
-from dipcg.model.dit import DiT
 from dipcg.encoders import Features, build_encoder
+from dipcg.model import ddpm
+from dipcg.model.denoiser import Condition, Denoiser, Outputs, Prediction
+from dipcg.model.dit import DiT
 from dipcg.space import ParameterSpace
 
 UNSEEN_VIEW = View(30.0, 30.0, 2.0)  # the paper's model says nothing of the camera; this is the middle of its views
+
+
+class Estimator(nn.Module):
+    """From pictures to parameters and camera, for one parameter space."""
+
+    def __init__(self, space: ParameterSpace, config: ModelConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.encoder = build_encoder(config)
+        self.outputs = Outputs(space)
+        self.guess = nn.Linear(config.summary, self.outputs.numbers)
+        self.denoiser = Denoiser(self.outputs, config, self.encoder.channels)  # type: ignore[arg-type]
+
+    def first_guess(self, features: Features) -> Prediction:
+        """Direct regression from the summary: the cheap baseline, and the denoiser's starting point."""
+        return self.outputs(self.guess(features.summary))
+
+    def condition(self, features: Features) -> Condition:
+        """What the denoiser attends to; the guess is not trained through it."""
+        return self.denoiser.condition(features, self.guess(features.summary).detach())
 
 
 class PaperEstimator(nn.Module):

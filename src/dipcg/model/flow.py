@@ -11,7 +11,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from dipcg.camera import VIEW_NUMBERS
-from dipcg.model.denoiser import Condition, Estimator, Outputs, Prediction
+from dipcg.model.denoiser import Condition, Outputs, Prediction
+from dipcg.model.estimators import Estimator
 
 
 def interpolate(x: Float[Tensor, "b d"], noise: Float[Tensor, "b d"], t: Float[Tensor, " b"]) -> Float[Tensor, "b d"]:

@@ -8,7 +8,7 @@ from dipcg import registry
 
 WEIGHTS, CARD = "model.safetensors", "card.json"
 RUNS = Path("runs")  # where `dipcg train` puts checkpoints when it is told no other folder
-SHIPPED = Path(__file__).parent / "checkpoints"
+SHIPPED = Path(__file__).parents[1] / "checkpoints"
 WORDS = SHIPPED / "words"  # those that read sentences instead of pictures
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -12,15 +11,14 @@ from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
-from dipcg.training.augment import augment
 from dipcg.camera import View, encode_view
-from dipcg.data.codec import decode_mesh
 from dipcg.config import AugmentConfig
-from dipcg.generators import Generator, load_generator
+from dipcg.data.codec import decode_mesh
+from dipcg.data.shapes import Shapes
+from dipcg.generators import Generator
 from dipcg.images import MARGIN
 from dipcg.render import Look, Renderer, sample_look
-from dipcg.data.shards import MESH
-from dipcg.data.store import Store
+from dipcg.training.augment import augment
 
 RECENT = 1024  # rendered pictures kept for another use
 
@@ -46,29 +44,6 @@ class Picture(NamedTuple):
     view: View
     drawing: bool
     image: UInt8[np.ndarray, "s s 4"]
-
-
-class Shapes(NamedTuple):
-    """The shapes of one split in memory: encoded meshes, and their parameters as `x`."""
-
-    meshes: list[bytes]
-    x: Float[np.ndarray, "n p"]
-    active: Bool[np.ndarray, "n p"]
-
-    def first(self, count: int) -> Shapes:
-        """The first so many."""
-        return Shapes(self.meshes[:count], self.x[:count], self.active[:count])
-
-
-def load_shapes(folder: str | Path, split: str) -> tuple[Generator, Shapes]:
-    """Read the shapes of a split that could be built; raises ValueError when there are none."""
-    store = Store(folder)
-    rows = [row for row in store.rows(split) if row[MESH]]
-    if not rows:
-        raise ValueError(f"{folder} has no shapes in its {split} split; build more with `dipcg dataset build`.")
-    x = np.stack([store.space.encode(row) for row in rows]).astype(np.float32)
-    active = np.stack([store.space.active(row) for row in rows])
-    return load_generator(store.info["ref"]), Shapes([row[MESH] for row in rows], x, active)
 
 
 class Pictures(IterableDataset):

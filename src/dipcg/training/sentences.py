@@ -11,11 +11,12 @@ from torch import Tensor
 from torch.utils.data import IterableDataset, get_worker_info
 
 from dipcg.camera import VIEW_NUMBERS
-from dipcg.training.captions import pieces, tell
-from dipcg.training.pictures import Batch, Shapes
+from dipcg.data.shapes import Shapes
 from dipcg.encoders.sentence import CHANNELS, LENGTH, embed
 from dipcg.generators import Generator
 from dipcg.space import Params
+from dipcg.training.captions import pieces, tell
+from dipcg.training.pictures import Batch
 
 RECENT = 4096  # sentences kept for another use
 UNSAID = 0.05  # share of what a sentence does not say that is asked for all the same, so that a usual value is learnt

@@ -13,16 +13,18 @@ from typing import Any
 import numpy as np
 from jaxtyping import UInt8
 
-from dipcg.model.checkpoint import load_checkpoint
+from dipcg.data.store import Store
 from dipcg.generators import Generator
 from dipcg.images import MARGIN, over_white, prepare
-from dipcg.mesh import Mesh
-from dipcg.pipeline import Estimate, Inverter
 from dipcg.inference.preview import in_rows
-from dipcg.render import Renderer, sample_look
-from dipcg.data.store import Store
+from dipcg.mesh import Mesh
+from dipcg.model.checkpoint import load_checkpoint
 from dipcg.model.zoo import WEIGHTS
-from dipcg.workers.pool import BuildError, BuildPool, told
+from dipcg.pipeline import Estimate, Inverter
+from dipcg.render import Renderer, sample_look
+from dipcg.workers.child import describe
+from dipcg.workers.pool import BuildPool
+from dipcg.workers.process import BuildError
 
 SHOWN, SIDE = 4, 192
 STEPS = 25  # at most, for the paper's model, whose answer takes 250
@@ -68,7 +70,7 @@ class Snapshots:
                 self._board.add_image(TAG, self._sheet(), pictures, dataformats="HWC")
             self._written = written
         except Exception as error:  # of a generator, a driver or a file: training is worth more than its pictures
-            self._board.add_text(TAG, f"There is no picture, {told(error)}.", pictures)
+            self._board.add_text(TAG, f"There is no picture, {describe(error)}.", pictures)
 
     def _sheet(self) -> UInt8[np.ndarray, "h w 3"]:
         model, generator, _ = load_checkpoint(self._checkpoint)

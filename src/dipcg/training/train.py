@@ -22,17 +22,18 @@ import torch
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from dipcg.model.checkpoint import load_matching, save_checkpoint
 from dipcg.config import ModelConfig, TrainConfig
-from dipcg.training.pictures import Batch, Pictures, Shapes, encoder_input, load_shapes, loader
-from dipcg.model.flow import denoising_loss, guess_loss, with_view
-from dipcg.model.estimators import AnyEstimator, PaperEstimator, build_estimator
+from dipcg.data.shapes import Shapes, load_shapes
 from dipcg.generators import Generator
-from dipcg.training.recipes import published_views
+from dipcg.model.checkpoint import load_matching, save_checkpoint
+from dipcg.model.estimators import AnyEstimator, PaperEstimator, build_estimator
+from dipcg.model.flow import denoising_loss, guess_loss, with_view
+from dipcg.model.zoo import find_checkpoint
 from dipcg.training.distributed import Team
+from dipcg.training.pictures import Batch, Pictures, encoder_input, loader
+from dipcg.training.recipes import published_views
 from dipcg.training.sentences import Sentences
 from dipcg.training.validate import Validation, validate
-from dipcg.model.zoo import find_checkpoint
 
 VALIDATE_EVERY_S = 120.0
 VALIDATION_PICTURES = 256

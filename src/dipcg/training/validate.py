@@ -9,11 +9,11 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from dipcg.camera import VIEW_NUMBERS
-from dipcg.training.pictures import Batch, encoder_input
-from dipcg.model.flow import denoising_loss, guess_loss, with_view
 from dipcg.encoders import Features
 from dipcg.model.estimators import AnyEstimator, PaperEstimator
+from dipcg.model.flow import denoising_loss, guess_loss, with_view
 from dipcg.model.sampling import sample
+from dipcg.training.pictures import Batch, encoder_input
 
 PAPER_STEPS = 25  # for one sample of the paper's model, a tenth of what an estimate takes
 

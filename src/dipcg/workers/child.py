@@ -1,0 +1,92 @@
+"""The program that a child process runs: `python -m dipcg.workers.child build|call FILE_DESCRIPTOR GENERATOR`.
+
+Blender runs here and nowhere else. Each message over the pipe is a pair of a kind and a value.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import importlib
+import os
+import signal
+import sys
+from collections.abc import Callable
+from functools import partial
+from multiprocessing.connection import Connection
+from typing import Any
+
+from dipcg.generators import load_generator
+from dipcg.mesh import MeshError
+
+# The longest description of an error that is passed on.
+MOST_LETTERS = 500
+# From linux/prctl.h.
+PR_SET_PDEATHSIG = 1
+
+Message = tuple[str, Any]
+
+
+def serve_builds(pipe: Connection, ref: str) -> None:
+    """Prepare a generator once, then answer each (params, detail) with a mesh or with a sentence."""
+    try:
+        generator = load_generator(ref)
+        generator.prepare()
+    except Exception as error:
+        return pipe.send(("start", f"The generator could not be loaded, {describe(error)}."))
+    pipe.send(("ready", None))
+    while True:
+        work = partial(generator.build, *pipe.recv())
+        pipe.send(_outcome(work, "The generator raised {}.", MeshError, "unusable"))
+
+
+def serve_calls(pipe: Connection, _: str) -> None:
+    """Answer each (function, arguments) with what a function of `dipcg.blender` returns or with a sentence."""
+    pipe.send(("ready", None))
+    while True:
+        work = partial(_call, pipe, *pipe.recv())
+        pipe.send(_outcome(work, "Blender could not do this: {}.", ValueError, "raised"))
+
+
+def _call(pipe: Connection, name: str, arguments: tuple) -> Any:
+    module, function = name.split(":")
+    found = getattr(importlib.import_module(f"dipcg.blender.{module}"), function)
+    return found(lambda share, note: pipe.send(("progress", (share, note))), *arguments)
+
+
+def _outcome(work: Callable[[], Any], sentence: str, expected: type[Exception], kind: str) -> Message:
+    """The result of some work, or what it raised: an expected error speaks for itself, others get a sentence."""
+    try:
+        return "done", work()
+    except expected as error:
+        return kind, str(error)
+    except Exception as error:
+        return "raised", sentence.format(describe(error))
+
+
+def describe(error: Exception) -> str:
+    """The type and the message of an error in one line of limited length."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:MOST_LETTERS]}".rstrip(".: ")
+
+
+def die_with_parent() -> None:
+    """Ask Linux to kill this process when its parent ends, however it ends and whatever is being built.
+
+    On other systems the closed pipe ends the process, after the build that it is in.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def main(kind: str, descriptor: str, ref: str) -> None:
+    """Serve until the parent closes the pipe."""
+    die_with_parent()
+    serve = {"build": serve_builds, "call": serve_calls}[kind]
+    with contextlib.suppress(EOFError, BrokenPipeError, KeyboardInterrupt):
+        serve(Connection(int(descriptor)), ref)
+    # Blender's own shutdown is slow and sometimes crashes.
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

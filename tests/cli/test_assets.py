@@ -1,0 +1,111 @@
+"""Commands that write assets: fewer faces, before and after, a folder of pictures."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from PIL import Image
+
+from dipcg.cli import main
+from dipcg.config import ModelConfig
+from dipcg.generators import load_generator
+from dipcg.inference.preview import SIDE
+from dipcg.model.checkpoint import save_checkpoint
+from dipcg.model.estimators import Estimator
+
+TINY = ModelConfig(width=16, depth=1, heads=2, summary=16)
+
+
+@pytest.fixture(autouse=True)
+def inside(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def untrained(tmp_path) -> Path:
+    torch.manual_seed(0)
+    box = load_generator("box")
+    save_checkpoint(tmp_path / "checkpoint", Estimator(box.space, TINY), box, {})
+    return tmp_path / "checkpoint"
+
+
+def run(*words: object) -> int:
+    try:
+        main([str(word) for word in words])
+    except SystemExit as end:
+        return end.code
+    return 0
+
+
+def write_ball(folder: Path) -> Path:
+    ball = "import trimesh\nfrom dipcg.space import ParameterSpace, Real\nspace = ParameterSpace(Real('r', 1.0, 2.0))\n"
+    ball += "def build(params): return trimesh.creation.icosphere(subdivisions=4, radius=params['r'])\n"
+    (folder / "ball.py").write_text(ball)
+    return folder / "ball.py"
+
+
+def test_fewer_faces_are_written_when_asked_for(tmp_path):
+    ball = write_ball(tmp_path)
+    assert run("sample", ball, "-o", "full.stl") == run("sample", ball, "-o", "small.stl", "--faces", 300) == 0
+    assert len(trimesh.load("full.stl").faces) == 5120
+    assert 200 < len(trimesh.load("small.stl").faces) <= 300
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("--faces", 2), "4 or more, got 2."),
+        (("--texture", 512), ".stl files hold no maps; use one of .glb, .gltf, .usdz, .usda, .usdc."),
+    ],
+)
+def test_what_cannot_be_written_so_is_refused(capsys, tmp_path, words, expected):
+    assert run("sample", write_ball(tmp_path), "-o", "a.stl", *words) == 1
+    assert expected in capsys.readouterr().err
+    assert not Path("a.stl").exists()
+
+
+def test_an_edit_is_drawn_before_and_after_on_one_scale(tmp_path):
+    ball = write_ball(tmp_path)
+    run("sample", ball, "-o", "a.stl", "--params-out", "a.json", "--set", "r=1")
+    assert run("edit", "a.json", "--set", "r=2", "-o", "b.stl", "--preview", "both.png") == 0
+    both = np.array(Image.open("both.png"))[..., :3]
+    assert both.shape == (SIDE, 2 * SIDE, 3)
+    before, after = ((half < 250).any(2).sum() for half in (both[:, :SIDE], both[:, SIDE:]))
+    assert after / before == pytest.approx(4, rel=0.05), "twice the radius, four times the picture"
+
+
+def test_a_folder_is_worked_through_and_a_second_run_does_what_is_missing(capsys, untrained):
+    Path("in").mkdir()
+    pixels = np.full((48, 48, 3), 255, np.uint8)
+    pixels[12:36, 14:34] = 90
+    for name in ("a", "b"):
+        Image.fromarray(pixels).save(f"in/{name}.png")
+    Path("in/broken.png").write_bytes(b"no picture")
+    words = ("estimate", "in", "-g", untrained, "-o", "out/", "--candidates", 1, "--steps", 1)
+    assert run(*words) == 1
+    assert {path.name for path in Path("out").iterdir()} == {"index.html"} | {
+        f"{name}{ending}" for name in ("a", "b") for ending in (".glb", ".json", ".preview.png")
+    }
+    page = Path("out/index.html").read_text()
+    assert "2 of 3 pictures, 1 failed" in page
+    assert "broken.png" in page
+    assert json.loads(Path("out/a.json").read_text())["generator"] == "box"
+
+    Path("in/broken.png").unlink()
+    Path("out/b.preview.png").unlink()
+    kept = Path("out/a.glb").stat().st_mtime_ns
+    capsys.readouterr()
+    assert run(*words) == 0
+    assert "1 of 2 pictures wait" in capsys.readouterr().err
+    assert Path("out/a.glb").stat().st_mtime_ns == kept
+    assert "2 of 2 pictures" in Path("out/index.html").read_text()
+
+
+def test_previews_of_a_folder_are_not_to_be_named(capsys, untrained):
+    Path("in").mkdir()
+    Image.new("RGB", (8, 8)).save("in/a.png")
+    assert run("estimate", "in", "-g", untrained, "-o", "out/", "--preview", "p.png") == 1
+    assert "always written" in capsys.readouterr().err

@@ -1,0 +1,140 @@
+"""What `dipcg doctor` promises: it names each fault and a command, and starts nothing heavy in this process."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from dipcg import registry
+from dipcg.cli import doctor
+from dipcg.cli.doctor import Check
+
+COMMANDS = {"apt-get", "sudo", "pip", "make", "ps"}
+
+
+def everything_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "find_library", lambda name: None)
+    monkeypatch.setattr(doctor, "_child", lambda code: (False, "ModuleNotFoundError: No module named 'x'"))
+    monkeypatch.setattr(doctor, "_read", lambda path: "MemAvailable:   1048576 kB")
+    monkeypatch.setattr(doctor, "version", not_installed)
+
+
+def not_installed(name: str) -> str:
+    raise doctor.PackageNotFoundError(name)
+
+
+def test_every_failing_check_names_a_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    everything_fails(monkeypatch)
+    failed = [check for check in doctor.checks() if not check.ok]
+    assert {check.name for check in failed} >= {"OpenGL", "Blender (bpy)", "Infinigen", "torch", "Memory"}
+    for check in failed:
+        assert check.found
+        assert check.fix.split()[0] in COMMANDS, check
+
+
+def test_a_passing_check_names_no_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "_child", lambda code: (True, "4.2.0"))
+    assert all(check.fix == "" for check in doctor.checks() if check.ok)
+
+
+def test_every_generator_has_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "_child", lambda code: (True, "4.2.0"))
+    found = {check.name for check in doctor.checks()}
+    assert {f"Weights: {name}" for name in registry.names("generators")} <= found
+
+
+@pytest.mark.parametrize(("library", "package"), doctor.BLENDER.items())
+def test_a_missing_library_is_reported_with_its_package(
+    library: str, package: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(doctor, "find_library", lambda name: None if name == library else f"lib{name}.so.1")
+    check = doctor.check_libraries()
+    assert not check.ok
+    assert f"lib{library}" in check.found
+    assert check.fix.endswith(f"apt-get install -y {package}")
+
+
+def test_a_library_that_blender_fails_to_load_is_a_matter_for_apt(monkeypatch: pytest.MonkeyPatch) -> None:
+    error = "ImportError: libXrender.so.1: cannot open shared object file: No such file or directory"
+    monkeypatch.setattr(doctor, "_child", lambda code: (False, error))
+    assert "libxrender1" in doctor.check_blender().fix
+
+
+def test_the_makefile_installs_what_the_doctor_asks_for() -> None:
+    makefile = (Path(__file__).parents[2] / "Makefile").read_text()
+    for package in {*doctor.OPENGL.values(), *doctor.OPENGL_DRIVER, *doctor.BLENDER.values()}:
+        assert re.search(rf"\b{re.escape(package)}\b", makefile), f"{package} is not in the Makefile"
+
+
+@pytest.mark.skipif(shutil.which("apt-cache") is None, reason="needs Debian's package lists")
+def test_debian_knows_the_packages() -> None:
+    packages = sorted({*doctor.OPENGL.values(), *doctor.OPENGL_DRIVER, *doctor.BLENDER.values()})
+    known = subprocess.run(["apt-cache", "pkgnames"], capture_output=True, text=True).stdout.split()
+    if len(known) < 10_000:
+        pytest.skip("the package lists have not been fetched")
+    assert set(packages) <= set(known)
+
+
+def test_sudo_only_where_it_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "which", lambda name: "/usr/bin/sudo")
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    assert doctor.apt_install(["libegl1"]) == "apt-get install -y libegl1"
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    assert doctor.apt_install(["libegl1", "libegl1"]) == "sudo apt-get install -y libegl1"
+
+
+@pytest.mark.parametrize(("code", "expected"), [
+    ("print('chatter'); answer('yes'); print('never')", (True, "yes")),
+    ("raise RuntimeError('no EGL')", (False, "RuntimeError: no EGL")),
+    ("import os; os._exit(3)", (False, "the process ended with code 3")),
+    ("import os; os.abort()", (False, "the process ended with code -6")),
+])  # fmt: skip
+def test_a_child_process_answers_or_fails_in_a_sentence(code: str, expected: tuple[bool, str]) -> None:
+    assert doctor._child(code) == expected
+
+
+def test_a_child_that_hangs_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "CHILD_TIMEOUT_S", 0.5)
+    assert doctor._child("import time; time.sleep(60)") == (False, "no answer within 0.5 s")
+
+
+def test_unreadable_memory_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "_read", lambda path: "")
+    assert doctor.check_memory().ok
+
+
+@pytest.mark.parametrize(("flags", "named"), [("fpu avx512_bf16 amx_bf16", "amx_bf16 avx512_bf16"), ("fpu avx2", "no")])
+def test_bfloat16_is_read_from_the_processor(flags: str, named: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "_read", lambda path: f"processor\t: 0\nflags\t\t: {flags}\n")
+    assert doctor.check_torch().found.endswith(f"bfloat16 in hardware: {named}")
+
+
+def test_the_report_is_aligned_and_shows_the_command() -> None:
+    lines = doctor.report(
+        [Check("Python", True, "3.11"), Check("OpenGL", False, "no EGL", "apt-get install x")]
+    ).splitlines()
+    assert lines[0].index("3.11") == lines[1].index("no EGL") == lines[2].index("→")
+    assert "apt-get install x" in lines[2]
+
+
+def test_this_machine_really_draws_without_a_window() -> None:
+    check = doctor.check_opengl()
+    assert check.ok, check
+
+
+@pytest.mark.blender
+def test_this_machine_really_has_blender() -> None:
+    if not doctor.check_infinigen().ok:
+        pytest.skip("Infinigen is not installed")
+    assert doctor.check_blender().found.startswith("4.")
+
+
+def test_nothing_heavy_is_imported_here() -> None:
+    code = "import sys; from dipcg.cli import doctor; doctor.checks(); print({'torch', 'bpy'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.strip() == "set()", done.stdout + done.stderr

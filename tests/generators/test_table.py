@@ -1,0 +1,179 @@
+"""The table beside Infinigen's own, and what its parameters promise."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from dipcg.blender.caps import recapped
+from dipcg.generators import load_generator
+from dipcg.mesh import Mesh, make_mesh, weld
+from dipcg.metrics import chamfer, surface_points
+from dipcg.workers.pool import BuildPool
+
+SEEDS = (0, 5, 11, 12, 15, 20)  # of assets within the published ranges, of each style, with and without stretchers
+TABLE = load_generator("table")
+pytestmark = [pytest.mark.blender, pytest.mark.skipif(bool(TABLE.missing), reason="Infinigen is not installed")]
+
+# Stands are put where the adapter has them: that they move with `top_scale` cannot be told from their own parameters.
+DIRECT = """
+import json, os, sys
+import numpy as np
+from dipcg.blender.infinigen import clean_blender, import_infinigen, read_piece, silence
+
+module = import_infinigen("infinigen.assets.objects.tables.dining_table")
+found = {}
+for seed in map(int, sys.argv[2:]):
+    clean_blender()
+    with silence():
+        factory = module.TableDiningFactory(seed)
+        if factory.params["Leg Style"] == "single_stand":
+            factory.params["Leg Placement Top Relative Scale"] = 0.65
+        _, vertices, faces = read_piece("table", factory.create_asset())
+    params = {name: value for name, value in factory.params.items() if not name.endswith("Material")}
+    found |= {f"{seed}.vertices": vertices, f"{seed}.faces": faces, f"{seed}.params": json.dumps(params, default=int)}
+np.savez(sys.argv[1], **found)
+os._exit(0)
+"""
+
+
+@pytest.fixture(scope="module")
+def pool() -> Iterator[BuildPool]:
+    with BuildPool("table") as pool:
+        pool.warm()
+        yield pool
+
+
+def test_it_is_the_table_that_infinigen_makes(pool, tmp_path: Path):
+    subprocess.run([sys.executable, "-c", DIRECT, str(tmp_path / "own.npz"), *map(str, SEEDS)], check=True)
+    own = np.load(tmp_path / "own.npz")
+    for seed in SEEDS:
+        theirs = make_mesh(own[f"{seed}.vertices"], own[f"{seed}.faces"])
+        ours = pool.build(TABLE.space.validate(read_back(json.loads(str(own[f"{seed}.params"])))))
+        assert distance(ours, theirs) < 0.01, seed
+        np.testing.assert_allclose(ours.bounds, theirs.bounds, atol=0.001)
+
+
+def read_back(own: dict) -> dict:
+    """Our parameters from the factory's."""
+    style, x = own["Leg Style"], own["Top Profile Width"] / 1.414
+    ends = [width for _, width in own["Leg Curve Control Points"] or ()]
+    curve = {
+        "single_stand": lambda: [(ends[0] - 0.1) / 0.8, (ends[1] - 0.1) / 0.8, (ends[2] - 0.2) / 0.8],
+        "straight": lambda: [0.5, (ends[1] - 0.5) / 0.5, (ends[2] - 0.3) / 0.5],
+        "square": lambda: [0.5, 0.5, 0.5],
+    }[style]()
+    diameter = own["Leg Diameter"]
+    stands = style == "single_stand"
+    return {
+        "ngon": own["Top Profile N-gon"],
+        "dimension_x": x,
+        "dimension_y": x * own["Top Profile Aspect Ratio"],
+        "dimension_z": own["Height"],
+        "leg_style": style.replace("_", "-"),
+        "leg_number": own["Leg Number"],
+        "leg_ngon": own["Leg NGon"],
+        "leg_diameter": (diameter / x - 0.2) / 0.2 if stands else (diameter - 0.05) / 0.2,
+        "leg_height": own["Leg Height"],
+        **{f"leg_curve_ctrl_pts{i}": value for i, value in enumerate(curve)},
+        "top_scale": own["Leg Placement Top Relative Scale"],
+        "bottom_scale": own["Leg Placement Bottom Relative Scale"],
+        "top_thickness": own["Top Thickness"],
+        "top_profile_fillet_ratio": own["Top Profile Fillet Ratio"],
+        "top_vertical_fillet_ratio": own["Top Vertical Fillet Ratio"],
+        "strecher_relative_pos": own["Strecher Relative Pos"],
+        "strecher_increament": own["Strecher Increament"],
+    }
+
+
+def distance(a: Mesh, b: Mesh) -> float:
+    """Mean distance of the surfaces beyond what other points on one of them would give."""
+    points = [surface_points(mesh, 8000, np.random.default_rng(i)) for i, mesh in enumerate((a, b, a))]
+    return chamfer.measure(points[0], points[1]) - chamfer.measure(points[0], points[2])
+
+
+@pytest.mark.parametrize(
+    ("style", "number", "legs"),
+    [("single-stand", 1, 1), ("single-stand", 2, 2), ("single-stand", 4, 4), ("square", 1, 2), ("straight", 1, 4)],
+)
+def test_it_has_as_many_legs_as_the_style_says(pool, style: str, number: int, legs: int):
+    mesh = pool.build(any_table(leg_style=style, leg_number=number, leg_diameter=0.1))
+    assert pieces(mesh, "leg") == legs
+
+
+@pytest.mark.parametrize(("increment", "stretchers"), [(0, 0), (1, 4), (2, 2)])
+def test_stretchers_join_neighbours_or_diagonals(pool, increment: int, stretchers: int):
+    mesh = pool.build(any_table(leg_style="straight", strecher_increament=increment))
+    assert pieces(mesh, "stretcher") == stretchers
+
+
+@pytest.mark.parametrize("style", ["single-stand", "square", "straight"])
+@pytest.mark.parametrize("leg_height", [0.6, 1.0, 2.0])
+def test_it_stands_on_the_floor(pool, style: str, leg_height: float):
+    params = any_table(leg_style=style, leg_height=leg_height, bottom_scale=1.0)
+    mesh = pool.build(params)
+    below = params["dimension_z"] - params["top_thickness"]
+    assert mesh.bounds[0, 2] == pytest.approx(0, abs=0.02)  # the lower bar of a frame lies halfway in it
+    assert mesh.bounds[1, 2] == pytest.approx(leg_height * below + params["top_thickness"], abs=1e-4)
+
+
+@pytest.mark.parametrize("style", ["single-stand", "square", "straight"])
+def test_no_leg_comes_through_the_top(pool, style: str):
+    mesh = pool.build(any_table(leg_style=style, leg_diameter=1.0, top_thickness=0.02, bottom_scale=1.3))
+    legs = mesh.vertices[np.unique(mesh.faces[mesh.parts == mesh.part_names.index("leg")])]
+    assert legs[:, 2].max() < mesh.bounds[1, 2] - 0.001
+
+
+def any_table(**changes: object) -> dict:
+    return TABLE.space.replace(TABLE.space.decode(np.zeros(len(TABLE.space))), changes)
+
+
+def pieces(mesh: Mesh, part: str) -> int:
+    """How many connected pieces a part has."""
+    if part not in mesh.part_names:
+        return 0
+    welded = weld(mesh)
+    faces = welded.faces[welded.parts == mesh.part_names.index(part)]
+    return len(trimesh.graph.connected_components(trimesh.graph.face_adjacency(faces), nodes=np.arange(len(faces))))
+
+
+@pytest.mark.parametrize("detail", ["light", "full"])
+def test_tables_are_made_of_closed_solids(pool, detail):
+    many = [TABLE.space.sample(np.random.default_rng(seed)) for seed in range(12)]
+    round_corners = {
+        "ngon": 4,
+        "top_profile_fillet_ratio": 0.5037310990793887,
+    }  # where some corners of fill and rim meet
+    size = {"dimension_x": 1.3175588940987344, "dimension_y": 1.995527584840894}
+    many.append(TABLE.space.replace(many[0], round_corners | size))
+    for params, mesh in zip(many, pool.map(many, detail), strict=True):
+        surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+        surface.merge_vertices(digits_vertex=7)
+        surface.update_faces((surface.faces != np.roll(surface.faces, 1, axis=1)).all(1))
+        _, uses = np.unique(surface.edges_sorted, axis=0, return_counts=True)
+        assert uses.min() == 2, params
+        assert surface.is_watertight or detail == "light", "simplification may join two solids along an edge"
+        assert all(piece.volume > 0 for piece in surface.split()), "faces look outwards"
+
+
+def test_level_ends_take_the_corners_of_the_rim():
+    """A prism whose lids have corners of their own, halfway between those of its wall, with the same area around."""
+    turns = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    ring, between = (np.c_[np.cos(t), np.sin(t)] for t in (turns, turns + np.pi / 12))
+    low, high = (np.c_[ring, np.full(12, z)] for z in (0.0, 1.0))
+    here, there = np.arange(12), np.roll(np.arange(12), -1)
+    wall = np.vstack([np.c_[here, there, there + 12], np.c_[here, there + 12, here + 12]])
+    lids = [np.c_[between, np.full(12, z)] for z in (0.0, 1.0)]
+    fans = [np.c_[np.zeros(10, int), np.arange(1, 11), np.arange(2, 12)] + 24 + 12 * i for i in (0, 1)]
+    vertices = np.vstack([low, high, *lids]).astype(np.float32)
+    faces = np.vstack([wall, fans[0][:, ::-1], fans[1]]).astype(np.int32)
+    assert not trimesh.Trimesh(vertices, faces, process=False).is_watertight
+    _, vertices, faces = recapped(("top", vertices, faces))
+    closed = trimesh.Trimesh(vertices, faces, process=False)
+    assert closed.is_watertight
+    assert closed.volume == pytest.approx(12 / 2 * np.sin(np.pi / 6), rel=1e-5)

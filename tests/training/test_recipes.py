@@ -1,0 +1,224 @@
+"""The paper's recipe: its diffusion against closed forms and diffusers, its sizes, its encoders, and a run of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from dipcg.camera import VIEW_NUMBERS, ViewGrid, encode_view
+from dipcg.cli import main
+from dipcg.config import ModelConfig, TrainConfig
+from dipcg.data.store import build_dataset
+from dipcg.encoders import build_encoder
+from dipcg.generators import load_generator
+from dipcg.model import ddpm
+from dipcg.model.dit import DiT
+from dipcg.model.estimators import UNSEEN_VIEW, PaperEstimator, build_estimator
+from dipcg.model.sampling import sample
+from dipcg.pipeline import Inverter
+from dipcg.training.pictures import Batch
+from dipcg.training.recipes import RECIPES, find_recipe, published_views
+from dipcg.training.train import Run
+
+BOX = load_generator("box")
+TINY = ModelConfig(width=24, depth=2, heads=2, summary=0, objective="ddpm", steps=250)
+PLAN = ddpm.schedule(40)
+MEAN, SPREAD = 0.3, 0.15  # of the one-dimensional data below: nearly all of it is in [-1, 1]
+
+
+@pytest.fixture(autouse=True)
+def seeded() -> None:
+    torch.manual_seed(0)
+
+
+@pytest.fixture
+def model() -> PaperEstimator:
+    model = PaperEstimator(BOX.space, replace(TINY, encoder="conv", summary=8))
+    torch.nn.init.normal_(model.denoiser.leave.weight, std=0.1)
+    return model.eval()
+
+
+def condition_of(model: PaperEstimator, pictures: int):
+    with torch.no_grad():
+        return model.condition(model.encoder(torch.rand(pictures, 3, 128, 128)))
+
+
+# The network
+
+
+@pytest.mark.parametrize(("recipe", "millions"), [("paper", 7.6), ("small", 1.6), ("large", 39.0)])
+def test_the_published_sizes_are_met_within_three_percent(recipe, millions):
+    with torch.device("meta"):
+        network = DiT(48, 768, RECIPES[recipe].model)
+    weights = sum(weight.numel() for weight in network.parameters())
+    assert weights / 1e6 == pytest.approx(millions, rel=0.03)
+    assert len(network.blocks) == RECIPES[recipe].model.depth
+
+
+@torch.no_grad()
+def test_each_parameter_is_a_token_that_sees_the_others_and_the_picture(model):
+    condition, size = condition_of(model, 1), len(BOX.space)
+    x, t = torch.rand(1, size), torch.tensor([300])
+    before = model.denoiser(x, t, condition.keys_values)[0]
+    moved = x + torch.eye(size)[:1]
+    assert ((model.denoiser(moved, t, condition.keys_values)[0] - before).abs() > 1e-6).all()
+    other = condition_of(model, 1)
+    assert ((model.denoiser(x, t, other.keys_values)[0] - before).abs() > 1e-6).all()
+    same = torch.full((1, size), 0.5)
+    found = model.denoiser(same, t, condition.keys_values)[0][0]
+    assert len(found.unique()) == size  # told apart by their positions
+
+
+@torch.no_grad()
+def test_sampling_the_paper_model_gives_parameters_in_range_and_held_ones_at_their_values(model):
+    size = len(BOX.space) + VIEW_NUMBERS
+    known, given = torch.rand(3, size) * 2 - 1, torch.rand(3, size) < 0.5
+    given[:, -VIEW_NUMBERS:] = False
+    found = sample(model, condition_of(model, 3), torch.randn(3, size), 20, known=known, given=given)
+    torch.testing.assert_close(found.mean[given], known[given], rtol=0, atol=1e-3)
+    assert found.mean[:, :-VIEW_NUMBERS].abs().max() <= 1
+    np.testing.assert_allclose(found.mean[:, -VIEW_NUMBERS:], np.tile(encode_view(UNSEEN_VIEW), (3, 1)), atol=1e-6)
+
+
+@torch.no_grad()
+def test_one_noise_gives_one_answer_and_another_another(model):
+    condition, size = condition_of(model, 1), len(BOX.space) + VIEW_NUMBERS
+    first, second = torch.randn(1, size), torch.randn(1, size)
+    draws = [sample(model, condition, noise, 10).mean for noise in (first, first, second)]
+    assert torch.equal(draws[0], draws[1])
+    assert not torch.equal(draws[0], draws[2])
+
+
+def test_choices_are_read_from_the_piece_that_the_number_lies_in(model):
+    x = torch.from_numpy(np.random.default_rng(0).uniform(-1, 1, (40, len(BOX.space)))).float()
+    read = model.outputs.modes(model.prediction(x))[:, :-VIEW_NUMBERS].double().numpy()
+    for ours, theirs in zip(read, x.double().numpy(), strict=True):
+        assert BOX.space.decode(ours) == pytest.approx(BOX.space.decode(theirs), abs=1e-6)
+
+
+def test_the_default_network_and_the_paper_network_follow_the_objective():
+    assert isinstance(build_estimator(BOX.space, TINY), PaperEstimator)
+    assert not isinstance(build_estimator(BOX.space, replace(TINY, objective="flow", summary=8)), PaperEstimator)
+
+
+# The encoders
+
+
+@torch.no_grad()
+@pytest.mark.parametrize(("name", "tokens"), [("dinov2", 256), ("clip", 196)])
+def test_pretrained_encoders_give_the_patch_tokens_of_their_network(pretrained, name, tokens):
+    import transformers
+
+    encoder = build_encoder(ModelConfig(encoder=name, encoder_weights=pretrained[name], summary=0))
+    images = torch.rand(2, 3, encoder.image_size, encoder.image_size)
+    found = encoder(images)
+    kind = {"dinov2": transformers.Dinov2Model, "clip": transformers.CLIPVisionModel}[name]
+    mean, spread = {
+        "dinov2": ([0.485, 0.456, 0.406], [0.229, 0.224, 0.225]),
+        "clip": ([0.48145466, 0.4578275, 0.40821073], [0.26862954, 0.26130258, 0.27577711]),
+    }[name]
+    pixels = (images - torch.tensor(mean).view(3, 1, 1)) / torch.tensor(spread).view(3, 1, 1)
+    expected = kind.from_pretrained(pretrained[name]).eval()(pixels).last_hidden_state[:, 1:]
+    assert found.tokens.shape == (2, tokens, 32)
+    torch.testing.assert_close(found.tokens, expected, rtol=1e-4, atol=1e-5)
+
+
+def test_a_pretrained_network_is_neither_trained_nor_stored(pretrained):
+    encoder = build_encoder(ModelConfig(encoder="dinov2", encoder_weights=pretrained["dinov2"], summary=4))
+    assert set(encoder.state_dict()) == {"pool.weight", "pool.bias"}
+    assert sum(weight.numel() for weight in encoder.parameters()) == 4 * 32 + 4
+
+
+def test_missing_weights_are_told_with_the_command_that_gets_them(tmp_path):
+    pytest.importorskip("transformers")
+    with pytest.raises(RuntimeError, match=r"hf download .*nowhere --local-dir nowhere.*--encoder-weights ./nowhere"):
+        build_encoder(ModelConfig(encoder="dinov2", encoder_weights=str(tmp_path / "nowhere")))
+
+
+# The recipe
+
+
+def test_the_recipe_has_the_published_settings():
+    recipe = find_recipe("paper")
+    model, train = recipe.model, recipe.train
+    assert (model.encoder, model.width, model.depth, model.heads, model.steps) == ("dinov2", 192, 12, 6, 250)
+    assert (train.learning_rate, train.schedule, train.batch, train.ema) == (1e-4, "constant", 128, 0.9999)
+    assert train.augment.lines == train.augment.background == train.augment.noise == train.augment.blur == 0
+    assert set(vars(RECIPES["single-view"].train.augment).values()) == {0.0}
+    assert RECIPES["ours"].model == ModelConfig()
+    assert RECIPES["ours"].train == TrainConfig()
+    with pytest.raises(ValueError, match=r"There is no recipe 'papier'. There are: ours, paper"):
+        find_recipe("papier")
+
+
+def test_the_published_cameras_are_drawn_and_no_others():
+    grid, rng = published_views("chair"), np.random.default_rng(0)
+    seen = {(v.azimuth_deg, v.elevation_deg, v.distance) for v in (grid.sample(rng) for _ in range(500))}
+    assert seen == {(a, e, d) for a in (0, 30, 60, 80) for e in (10, 30, 40) for d in (1.8, 2.0)}
+    assert published_views("box") == ViewGrid((0, 30, 60), (30, 60), (1.8, 2.0))
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("data") / "box"
+    build_dataset("box", folder, 20)
+    return folder
+
+
+def test_flags_change_a_recipe_and_leave_the_rest_of_it(data, tmp_path, monkeypatch):
+    asked: list[tuple[TrainConfig, ModelConfig]] = []
+    monkeypatch.setattr(
+        "dipcg.training.train.train", lambda data, out, train, model, report: asked.append((train, model))
+    )
+    words = ["train", "box", "--data", str(data), "-o", str(tmp_path)]
+    main([*words, "--recipe", "small", "--batch", "8", "--augment.mask", "0.5"])
+    main([*words, "--width", "24"])
+    small = RECIPES["small"]
+    changed = replace(small.train, batch=8, augment=replace(small.train.augment, mask=0.5))
+    assert asked == [(changed, small.model), (TrainConfig(), ModelConfig(width=24))]
+    with pytest.raises(SystemExit):
+        main([*words, "--recipe", "papier"])
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory, pretrained):
+    """A run of a few steps on noise in place of pictures, saved as every run is."""
+    torch.manual_seed(0)
+    config = replace(RECIPES["paper"].train, batch=8, learning_rate=1e-3)
+    model = build_estimator(BOX.space, replace(TINY, encoder="dinov2", encoder_weights=pretrained["dinov2"]))
+    run = Run(model, config, tmp_path_factory.mktemp("run") / "box", BOX)
+    active = torch.ones(8, len(BOX.space), dtype=torch.bool)
+    images = torch.randint(256, (8, 3, 224, 224), dtype=torch.uint8)
+    batch = Batch(images, torch.rand(8, len(BOX.space) + VIEW_NUMBERS) * 2 - 1, active)
+    losses = [run.learn(batch) for _ in range(40)]
+    found = run.check(batch)
+    return run, losses, found
+
+
+def test_a_run_of_the_recipe_learns_and_is_validated_without_a_guess(trained):
+    run, losses, found = trained
+    assert np.mean(losses[-10:]) < 0.8 * np.mean(losses[:5])
+    assert run.optimiser.param_groups[0]["lr"] == 1e-3
+    assert (found.guess_reals, found.guess_choices) == (None, None)
+    assert 0 < found.sample_reals < 2
+    again = Run(build_estimator(BOX.space, run.model.config), run.config, run.out, BOX)
+    assert again.step == run.step == 40
+
+
+def test_a_checkpoint_of_the_recipe_estimates_in_250_steps(trained, tmp_path):
+    calls: list[int] = []
+    Image.fromarray(np.pad(np.full((40, 30, 3), 90, np.uint8), ((20, 20), (20, 20), (0, 0)), constant_values=255)).save(
+        tmp_path / "box.png"
+    )
+    with Inverter.load(str(trained[0].out)) as inverter:
+        inverter.model.denoiser.register_forward_pre_hook(lambda _, args: calls.append(len(args[0])))
+        found = inverter.estimate(tmp_path / "box.png", candidates=3)
+        assert calls == [8] * 250 + [2] * 250
+        assert BOX.space.validate(found.params) == found.params
+        assert vars(found.view) == pytest.approx(vars(UNSEEN_VIEW), abs=1e-4)
+        held = inverter.estimate(tmp_path / "box.png", candidates=2, steps=10, keep={"width": 0.5, "top": "flat"})
+        assert all(c.params["width"] == 0.5 and c.params["top"] == "flat" for c in held.candidates)
+        with pytest.raises(ValueError, match="has no direct guess"):
+            inverter.guess(tmp_path / "box.png")
