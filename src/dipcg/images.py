@@ -254,10 +254,10 @@ def _resize_premultiplied(
     alpha = image[..., 3:].astype(np.float32) / 255
     bands = [*np.moveaxis(image[..., :3] * alpha, -1, 0), image[..., 3].astype(np.float32)]
     pad = int(np.ceil(max(0, -box[0], -box[1], box[2] - image.shape[1], box[3] - image.shape[0])))
-    shifted = tuple(edge + pad for edge in box)
+    left, top, right, bottom = (edge + pad for edge in box)
     shrinks = box[2] - box[0] > size
     kernel = Image.Resampling.BOX if shrinks else Image.Resampling.BILINEAR
     padded = [Image.fromarray(np.pad(band, pad)) for band in bands]
-    resized = [np.asarray(band.resize((size, size), kernel, shifted)) for band in padded]
+    resized = [np.asarray(band.resize((size, size), kernel, (left, top, right, bottom))) for band in padded]
     colour = np.dstack(resized[:3]) / np.maximum(resized[3][..., None] / 255, 1e-3)
     return np.rint(np.dstack([colour, resized[3]]).clip(0, 255)).astype(np.uint8)
