@@ -40,7 +40,7 @@ def _measured(pool: BuildPool, detail, count: int) -> list[str]:
             faces.append(len(pool.build(pool.generator.space.sample(np.random.default_rng(seed)), detail).faces))
         except BuildError as error:
             failed += 1
-            print(error, file=sys.stderr)
+            print(error, error.hint, file=sys.stderr)
         seconds.append(time.perf_counter() - started)
     median, late = np.percentile(seconds, [50, 95])
     return [f"{median:.3f}", f"{late:.3f}", f"{np.median(faces):,.0f}", str(failed)]

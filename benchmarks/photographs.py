@@ -34,7 +34,7 @@ def main(name: str, data: str, folder: str, count: int = COUNT) -> None:
             try:
                 mesh = pool.build(generator.space.decode(shapes.x[number].astype(float)))
             except BuildError as error:
-                print(f"{picture.stem} left out: {error}")
+                print(f"{picture.stem} left out: {error} {error.hint}")
                 continue
             _write(blender, generator, mesh, number, picture)
             print(f"{picture} in {time.perf_counter() - started:.1f} s", flush=True)

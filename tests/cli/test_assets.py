@@ -67,6 +67,17 @@ def test_what_cannot_be_written_so_is_refused(capsys, tmp_path, words, expected)
     assert not Path("a.stl").exists()
 
 
+def test_a_failed_build_is_printed_with_what_edit_needs_to_repeat_it(capsys, tmp_path):
+    text = write_ball(tmp_path).read_text().replace("return trimesh", "raise ValueError('too round') or trimesh")
+    Path("ball.py").write_text(text)
+    assert run("sample", "ball.py", "-o", "a.stl", "--set", "r=1.5") == 1
+    printed = capsys.readouterr().err
+    assert printed.startswith("The generator raised ValueError: too round. `dipcg edit` builds it again")
+    Path("ball.json").write_text(printed[printed.index("{") :])
+    assert run("edit", "ball.json", "-o", "a.stl") == 1
+    assert capsys.readouterr().err == printed
+
+
 def test_an_edit_is_drawn_before_and_after_on_one_scale(tmp_path):
     ball = write_ball(tmp_path)
     run("sample", ball, "-o", "a.stl", "--params-out", "a.json", "--set", "r=1")

@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 
 import pytest
-from tests.test_store import rows, write_generator
+from tests.data.test_store import rows, write_generator
 
 from dipcg.data import store
 from dipcg.data.cluster import Ray

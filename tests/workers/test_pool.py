@@ -13,7 +13,7 @@ import pytest
 
 from dipcg.space import params_from_json
 from dipcg.workers.pool import BuildPool
-from dipcg.workers.process import BuildError
+from dipcg.workers.process import BuildError, Child
 
 GENERATOR = '''
 """A triangle that misbehaves on request."""
@@ -65,10 +65,9 @@ def params(mode: str = "good", size: float = 1.5) -> dict:
 
 
 def reproduced(error: BuildError) -> tuple[str, dict]:
-    """Generator and parameters from what a failure says `dipcg edit` can read."""
-    said = str(error)
-    assert "`dipcg edit`" in said
-    return params_from_json(said[said.index("{") :])
+    """Generator and parameters from the hint of a failure, as `dipcg edit` reads them."""
+    assert "`dipcg edit`" in error.hint
+    return params_from_json(error.hint[error.hint.index("{") :])
 
 
 def pid_of(mesh) -> int:
@@ -118,6 +117,7 @@ def test_a_failure_costs_one_sample_and_says_which(pool, mode, reason, sentence)
         pool.build(params(mode))
     assert error.value.reason == reason
     assert sentence in str(error.value)
+    assert (error.value.generator, error.value.params) == (pool.generator.ref, params(mode))
     assert reproduced(error.value) == (pool.generator.ref, params(mode))
     assert pool.build(params()).vertices[2, 1] == 1.5, "the next build works"
 
@@ -157,7 +157,7 @@ def test_results_come_in_order_with_errors_in_their_place(tmp_path):
     for mode, size, result in zip(modes, sizes, results, strict=True):
         if mode in ("raise", "exit"):
             assert isinstance(result, BuildError)
-            assert str(size) in str(result)
+            assert result.params["size"] == size
         else:
             assert result.vertices[2, 1] == pytest.approx(size)
 
@@ -274,3 +274,15 @@ def test_folders_that_a_build_leaves_behind_go_with_its_worker(tmp_path, monkeyp
         pool.build(params("litter"))
         assert [path.name for own in (tmp_path / "temporary").iterdir() for path in own.iterdir()]
     assert not list((tmp_path / "temporary").iterdir())
+
+
+def test_progress_is_reported_however_often_before_the_result(monkeypatch):
+    """More messages than Python's calls can be nested."""
+    child, notes = Child("", "call"), []
+    messages = iter([*[("progress", (0.5, "baking"))] * (2 * sys.getrecursionlimit()), ("done", "maps")])
+    monkeypatch.setattr(child, "_next_message", lambda *_: next(messages))
+    try:
+        assert child.request(("", ()), 1.0, lambda share, note: notes.append(note)) == "maps"
+    finally:
+        child.stop()
+    assert len(notes) == 2 * sys.getrecursionlimit()

@@ -55,7 +55,7 @@ def telling(work: Any) -> Any:
         except gr.Error:
             raise
         except (ValueError, LookupError, RuntimeError) as error:
-            raise sentence(str(error).split(" `dipcg edit` builds it again")[0]) from None
+            raise sentence(str(error)) from None
         except Exception as error:
             logging.exception("A visitor's request failed.")
             raise sentence(f"Something went wrong here ({type(error).__name__}); the server's log has more.") from None

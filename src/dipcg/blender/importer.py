@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from dipcg.blender.declaration import digest, read_declaration, write_declaration
+from dipcg.blender.temporary import temporary_folder
 from dipcg.space import did_you_mean
 
 TIMEOUT_S = 120.0
@@ -67,9 +67,9 @@ def read_inputs(blend: Path, name: str = "") -> dict[str, Any]:
     if find_spec("bpy") is None:
         raise ModuleNotFoundError(f"Reading {blend} needs bpy: run `pip install 'dipcg[infinigen]'` (Python 3.11).")
     command = [sys.executable, "-m", "dipcg.blender.geometry_nodes", str(blend), name]
+    folder, environment = temporary_folder()
     try:
-        with TemporaryDirectory(prefix="dipcg-", ignore_cleanup_errors=True) as folder:  # Blender leaves its own behind
-            environment = os.environ | {"TMPDIR": folder}
+        with folder:
             done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, env=environment)
         answer = json.loads(done.stdout)
     except subprocess.TimeoutExpired:

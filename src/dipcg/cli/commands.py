@@ -22,6 +22,7 @@ from dipcg.cli.evaluate import evaluate
 from dipcg.cli.generators import generators, generators_add
 from dipcg.cli.mcmc import mcmc
 from dipcg.cli.serve import serve
+from dipcg.cli.terminal import error_text
 from dipcg.cli.train import import_checkpoint, train
 
 
@@ -69,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             commands, prog="dipcg", description=ABOUT, args=words, config=(FlagCreatePairsOff,)
         )
     except (ValueError, LookupError, RuntimeError, ImportError, OSError) as error:
-        print(_sentence(error), file=sys.stderr)
+        print(error_text(error), file=sys.stderr)
         raise SystemExit(1) from None
     except KeyboardInterrupt:
         print("Stopped.", file=sys.stderr)
@@ -86,9 +87,3 @@ def _trainer(words: Sequence[str]) -> Callable[..., None]:
         return train
     recipe = find_recipe(given[-1])
     return partial(train, recipe=given[-1], train=recipe.train, model=recipe.model)
-
-
-def _sentence(error: Exception) -> str:
-    if isinstance(error, OSError) and error.filename:
-        return f"{error.filename} cannot be used ({error.strerror})."
-    return str(error.args[0] if error.args and isinstance(error, KeyError) else error)

@@ -230,14 +230,17 @@ def _batch_targets(batch: Batch, written: Written) -> dict[Path, Targets]:
 
 
 def _try_estimate(work: _Work, image: Path, targets: Targets, written: Written) -> dict[Path, str]:
-    """Estimate one picture and write its files; what fails is told and returned, so that the others go on."""
+    """Estimate one picture and write its files; an error is printed and returned, so that the others go on."""
+    from dipcg.cli.terminal import error_text
+
     try:
         found, chances = work(image)
         _write(found, targets, written)
         _tell(image, found, chances, targets, written.json)
     except (ValueError, RuntimeError) as error:
-        print(f"{image}: {error}" if str(image) not in str(error) else str(error), file=sys.stderr)
-        return {image: str(error)}
+        text = error_text(error)
+        print(text if str(image) in text else f"{image}: {text}", file=sys.stderr)
+        return {image: text}
     return {}
 
 

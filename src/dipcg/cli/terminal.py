@@ -33,6 +33,17 @@ def bar(label: str, total: int) -> Iterator[Update]:
             raise
 
 
+def error_text(error: Exception) -> str:
+    """The sentence of an error, and for a failed build also how to repeat it."""
+    from dipcg.workers.process import BuildError
+
+    if isinstance(error, BuildError):
+        return f"{error} {error.hint}".rstrip()
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.filename} cannot be used ({error.strerror})."
+    return str(error.args[0] if error.args and isinstance(error, KeyError) else error)
+
+
 def table(found: Table) -> str:
     """A Markdown table of means with 95 % intervals, one row per method."""
     names = [metric.name for metric in found.metrics]

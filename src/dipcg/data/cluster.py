@@ -54,7 +54,7 @@ def _build(draws: Draws, job: range, timeout_s: float) -> tuple[bytes, int] | st
         outcomes = list(_pool(draws.ref, timeout_s).timed(draws.params(job), "light"))
         content = build_shard(draws.generator, draws, job, outcomes)
     except BuildError as error:
-        return str(error)
+        return f"{error} {error.hint}"
     return content, sum(isinstance(mesh, BuildError) for mesh, _ in outcomes)
 
 

@@ -121,7 +121,7 @@ def _sample(number: int, seed: int, params: Params, built: Mesh | BuildError, se
         return Sample(number, seed, params, built, seconds)
     if built.reason == "start":
         raise built
-    return Sample(number, seed, params, None, None, built.reason, str(built))
+    return Sample(number, seed, params, None, None, built.reason, f"{built} {built.hint}")
 
 
 def _schema(generator: Generator) -> pa.Schema:

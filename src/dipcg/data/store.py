@@ -19,8 +19,8 @@ import pyarrow as pa
 
 from dipcg.data import shards
 from dipcg.data.draws import Drawing, Draws
-from dipcg.generators import load_generator
 from dipcg.data.shards import FAILURE, NUMBER, Sample
+from dipcg.generators import load_generator
 from dipcg.space import Parameter, ParameterSpace, Real
 from dipcg.workers.pool import BuildPool, Timed
 from dipcg.workers.process import BuildError
@@ -224,9 +224,3 @@ def _claim(folder: Path, draws: Draws) -> None:
         changed = ", ".join(key for key in ours if theirs.get(key) != ours[key])
         raise ValueError(f"{folder} already holds another data set (different {changed}); choose another folder.")
     return None
-
-
-
-
-
-

@@ -1,6 +1,7 @@
 """The program that a child process runs: `python -m dipcg.workers.child build|call FILE_DESCRIPTOR GENERATOR`.
 
-Blender runs here and nowhere else. Each message over the pipe is a pair of a kind and a value.
+Blender runs here and nowhere else. Each message that is sent over the pipe is a pair of a kind and a value: "ready",
+"progress", "done", or the reason of a failure (`workers.process.Reason`) with a sentence.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from typing import Any
 from dipcg.generators import load_generator
 from dipcg.mesh import MeshError
 
-# The longest description of an error that is passed on.
-MOST_LETTERS = 500
+# The longest message of an error that is passed on, in characters.
+MAX_CHARACTERS = 500
 # From linux/prctl.h.
 PR_SET_PDEATHSIG = 1
 
@@ -28,7 +29,7 @@ Message = tuple[str, Any]
 
 
 def serve_builds(pipe: Connection, ref: str) -> None:
-    """Prepare a generator once, then answer each (params, detail) with a mesh or with a sentence."""
+    """Prepare a generator once, then build the mesh of each (params, detail) that the pipe brings."""
     try:
         generator = load_generator(ref)
         generator.prepare()
@@ -41,7 +42,7 @@ def serve_builds(pipe: Connection, ref: str) -> None:
 
 
 def serve_calls(pipe: Connection, _: str) -> None:
-    """Answer each (function, arguments) with what a function of `dipcg.blender` returns or with a sentence."""
+    """Call the function of `dipcg.blender` for each (function, arguments) that the pipe brings."""
     pipe.send(("ready", None))
     while True:
         work = partial(_call, pipe, *pipe.recv())
@@ -50,12 +51,12 @@ def serve_calls(pipe: Connection, _: str) -> None:
 
 def _call(pipe: Connection, name: str, arguments: tuple) -> Any:
     module, function = name.split(":")
-    found = getattr(importlib.import_module(f"dipcg.blender.{module}"), function)
-    return found(lambda share, note: pipe.send(("progress", (share, note))), *arguments)
+    called = getattr(importlib.import_module(f"dipcg.blender.{module}"), function)
+    return called(lambda share, note: pipe.send(("progress", (share, note))), *arguments)
 
 
 def _outcome(work: Callable[[], Any], sentence: str, expected: type[Exception], kind: str) -> Message:
-    """The result of some work, or what it raised: an expected error speaks for itself, others get a sentence."""
+    """The result of some work, or the error it raised: the message of an expected one is a sentence already."""
     try:
         return "done", work()
     except expected as error:
@@ -66,7 +67,7 @@ def _outcome(work: Callable[[], Any], sentence: str, expected: type[Exception], 
 
 def describe(error: Exception) -> str:
     """The type and the message of an error in one line of limited length."""
-    return f"{type(error).__name__}: {' '.join(str(error).split())[:MOST_LETTERS]}".rstrip(".: ")
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:MAX_CHARACTERS]}".rstrip(".: ")
 
 
 def die_with_parent() -> None:

@@ -1,12 +1,11 @@
-"""Builds in child processes: kept warm, replaced before they slow down, stopped when they hang.
+"""Builds in child processes, which are kept running, replaced before they slow down, and stopped when they hang.
 
-Blender only ever runs in these. A child is `python -m dipcg.workers.child`, not a fork of the caller: no `__main__`
+Blender only ever runs in these. A child is `python -m dipcg.workers.child` and not a fork of the caller: no `__main__`
 guard is needed in the caller's script, and neither torch nor an OpenGL context is carried along.
 """
 
 from __future__ import annotations
 
-import json
 import threading
 import time
 from collections import deque
@@ -18,16 +17,18 @@ from dipcg.mesh import Mesh
 from dipcg.space import Params
 from dipcg.workers.process import BuildError, Child
 
-AHEAD = 4  # builds per worker that `map` keeps waiting or done, so that no worker idles
+# Builds per worker that `timed` keeps waiting or done, so that no worker idles.
+AHEAD = 4
 
 
-Timed = tuple[Mesh | BuildError, float | None]  # what became of one sample, and the seconds that its worker took
+# What became of one sample, and the seconds that its worker took.
+Timed = tuple[Mesh | BuildError, float | None]
 
 
 class BuildPool:
-    """`workers` child processes that build meshes of one generator; use as a context manager.
+    """`workers` child processes that build meshes of one generator; use it as a context manager.
 
-    A build that takes longer than `timeout_s` costs that sample alone. Processes start at first use.
+    A build that takes longer than `timeout_s` fails, and the others go on. Processes start at their first use.
     Raises LookupError for an unknown generator and ModuleNotFoundError when a package it needs is not installed.
     """
 
@@ -41,7 +42,7 @@ class BuildPool:
         self._workers = workers
 
     def build(self, params: Params, detail: Detail = "full") -> Mesh:
-        """Build one mesh; raises BuildError with a sentence and the parameters as `dipcg edit` reads them."""
+        """Build one mesh; raises BuildError with a sentence."""
         return self.submit(params, detail).result()
 
     def submit(self, params: Params, detail: Detail = "full") -> Future[Mesh]:
@@ -49,7 +50,7 @@ class BuildPool:
         return self._threads.submit(lambda: self._build(params, detail)[0])
 
     def map(self, many: Iterable[Params], detail: Detail = "light") -> Iterator[Mesh | BuildError]:
-        """Build many in parallel, in order; a failed one gives its error in its place.
+        """Build many in parallel, in order; the error of a failed one stands in its place.
 
         Only a few are read and built ahead of what has been taken, so `many` may be endless.
         """
@@ -76,7 +77,8 @@ class BuildPool:
         for child in list(self._children):
             child.stop()
         self._threads.shutdown(wait=True)
-        for child in list(self._children):  # one may have been started meanwhile
+        # One may have been started meanwhile.
+        for child in list(self._children):
             child.stop()
 
     def __enter__(self) -> BuildPool:
@@ -90,13 +92,12 @@ class BuildPool:
         try:
             child.start()
             started = time.perf_counter()
-            mesh = child.ask((params, detail), self.timeout_s)
+            mesh = child.request((params, detail), self.timeout_s)
             seconds = time.perf_counter() - started
         except BuildError as error:
             if error.reason not in ("raised", "unusable"):
                 self._discard(child)
-            asked = json.dumps({"generator": self.generator.ref, "params": params}, default=str)
-            raise BuildError(error.reason, f"{error} `dipcg edit` builds it again from a file with: {asked}") from None
+            raise BuildError(error.reason, str(error), params, self.generator.ref) from None
         if child.builds >= self.generator.recycle_after:
             self._discard(child)
         return mesh, seconds

@@ -7,18 +7,19 @@ from typing import Any
 
 from dipcg.workers.process import BuildError, Child, Progress
 
-MOST_S = 600.0  # without a word of progress
+# The longest time without a message about progress.
+TIMEOUT_S = 600.0
 
 
 class BlenderError(RuntimeError):
-    """Something that Blender could not do, with a sentence that says why."""
+    """Blender could not do something; the message says what and why."""
 
 
 class Blender:
-    """A child process that runs functions of `dipcg.blender`, where alone Blender is imported; a context manager.
+    """A child process that runs functions of `dipcg.blender`; a context manager.
 
-    Not one of those that build: the scenes made here would lie among what a generator keeps there.
-    Raises ModuleNotFoundError with the command that helps when Blender's module is not installed.
+    It is not one of those that build: a generator keeps its node graphs in its process, and scenes made here would
+    disturb them. Raises ModuleNotFoundError with the command that helps when Blender's module is not installed.
     """
 
     def __init__(self) -> None:
@@ -28,14 +29,16 @@ class Blender:
             )
         self._child = Child("", "call")
 
-    def call(self, function: str, *arguments: Any, progress: Progress | None = None, timeout_s: float = MOST_S) -> Any:
-        """Run `module:function` of `dipcg.blender`, which gets a function for progress and then the arguments.
+    def call(
+        self, function: str, *arguments: Any, progress: Progress | None = None, timeout_s: float = TIMEOUT_S
+    ) -> Any:
+        """Run `module:function` of `dipcg.blender` with a function that reports progress, and the arguments.
 
         Raises BlenderError with a sentence.
         """
         try:
             self._child.start()
-            return self._child.ask((function, arguments), timeout_s, progress)
+            return self._child.request((function, arguments), timeout_s, progress)
         except BuildError as error:
             raise BlenderError(str(error)) from None
 
