@@ -25,7 +25,7 @@ COUNT, SIDE, SAMPLES, POINTS = 100, 256, 32, 20_000
 def main(name: str, data: str, folder: str, count: int = COUNT) -> None:
     generator, shapes = load_shapes(data, "test")
     Path(folder).mkdir(parents=True, exist_ok=True)
-    with BuildPool(generator.ref) as pool, Blender() as blender:
+    with BuildPool(generator) as pool, Blender() as blender:
         for number in range(min(count, len(shapes.x))):
             picture = Path(folder) / f"{name}_{number + 1:04d}.png"
             if picture.exists():

@@ -193,7 +193,7 @@ class Inverter:
     def pool(self) -> BuildPool:
         """The worker processes, started at first use."""
         if self._pool is None:
-            self._pool = BuildPool(self.generator.ref, self._workers)
+            self._pool = BuildPool(self.generator, self._workers)
         return self._pool
 
     def close(self) -> None:

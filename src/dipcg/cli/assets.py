@@ -159,7 +159,7 @@ def _build_and_write(
     from dipcg.workers.pool import BuildPool
 
     written.check()
-    with BuildPool(generator.ref) as pool:
+    with BuildPool(generator) as pool:
         asset = Asset(pool.build(params, written.detail), generator.ref, params)
         if compared:
             _draw_beside(pool.build(compared[0], written.detail), asset.mesh, generator, compared[1])

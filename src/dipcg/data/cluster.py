@@ -11,13 +11,14 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from dipcg.data.draws import Draws
-from dipcg.data.shards import build as build_shard
+from dipcg.data.draws import Drawing, Draws
+from dipcg.data.shards import pack_built
 from dipcg.data.store import Counts
 from dipcg.workers.pool import BuildPool
 from dipcg.workers.process import BuildError
 
-AHEAD = 2  # shards waiting or being built for each processor of the cluster
+# Shards that are waiting or being built for each processor of the cluster.
+AHEAD = 2
 
 
 @dataclass(frozen=True)
@@ -36,26 +37,27 @@ class Ray:
         if not todo:
             return
         ray = _connected(self.address)
-        build = ray.remote(num_cpus=1, max_retries=-1)(_build)
+        build, generator = ray.remote(num_cpus=1, max_retries=-1)(_build), draws.generator.ref
         waiting, running = list(reversed(todo)), {}
         while waiting or running:
             while waiting and len(running) < AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1))):
                 job = waiting.pop()
-                running[build.remote(draws, job, self.timeout_s)] = job
+                running[build.remote(generator, draws.seed, draws.drawing, job, self.timeout_s)] = job
             ready, _ = ray.wait(list(running), num_returns=1)
-            job, (content, failed) = running.pop(ready[0]), _fetched(ray, ready[0])
+            job, (content, failed) = running.pop(ready[0]), _fetch(ray, ready[0])
             yield job, content
             counts.add(len(job), failed)
 
 
-def _build(draws: Draws, job: range, timeout_s: float) -> tuple[bytes, int] | str:
-    """On a node: one shard with one worker, which is kept for the next one. A string says why none could start."""
+def _build(ref: str, seed: int, drawing: Drawing, job: range, timeout_s: float) -> tuple[bytes, int] | str:
+    """On a node: one shard from one worker, which stays for the next shard. A string says why no worker could start."""
+    pool = _pool(ref, timeout_s)
     try:
-        outcomes = list(_pool(draws.ref, timeout_s).timed(draws.params(job), "light"))
-        content = build_shard(draws.generator, draws, job, outcomes)
+        builds = list(pool.timed(Draws(pool.generator, seed, drawing).params(job), "light"))
+        content = pack_built(pool.generator, seed, job, builds)
     except BuildError as error:
         return f"{error} {error.hint}"
-    return content, sum(isinstance(mesh, BuildError) for mesh, _ in outcomes)
+    return content, sum(isinstance(built.mesh, BuildError) for built in builds)
 
 
 @cache
@@ -82,8 +84,8 @@ def _connected(address: str | None) -> Any:
     return ray
 
 
-def _fetched(ray: Any, reference: Any) -> tuple[bytes, int]:
-    found = ray.get(reference)
-    if isinstance(found, str):
-        raise BuildError("start", found)
-    return found
+def _fetch(ray: Any, reference: Any) -> tuple[bytes, int]:
+    shard = ray.get(reference)
+    if isinstance(shard, str):
+        raise BuildError("start", shard)
+    return shard

@@ -1,13 +1,13 @@
-"""Which parameters a data set holds: a function of its seed, the way of drawing, and the number of the sample alone."""
+"""Which parameters a data set holds: a function of its seed, the way of drawing and the number of the sample alone."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
-from dipcg.generators import Generator, load_generator
+from dipcg.generators import Generator
 from dipcg.space import ParameterSpace, Params
 
 Drawing = Literal["uniform", "sobol"]
@@ -18,17 +18,12 @@ class Draws:
     """The samples of a data set before they are built.
 
     With `sobol` they are the points of a scrambled Sobol sequence (Owen 1998), which cover the space more evenly than
-    independent ones; that helps with few samples, say below ten thousand.
+    independent ones. That helps with few samples, say below ten thousand.
     """
 
-    ref: str
-    """of the generator, as generators.load_generator reads it"""
+    generator: Generator
     seed: int = 0
     drawing: Drawing = "uniform"
-
-    @property
-    def generator(self) -> Generator:
-        return load_generator(self.ref)
 
     def params(self, numbers: range) -> list[Params]:
         """The parameters of consecutive samples."""
@@ -38,9 +33,15 @@ class Draws:
         return [space.sample(np.random.default_rng([self.seed, number])) for number in numbers]
 
     def describe(self) -> dict[str, Any]:
-        """What tells one data set from another, as plain values."""
+        """The values by which one data set differs from another, ready for JSON."""
         generator = self.generator
-        return {"generator": generator.name, "fingerprint": generator.space.fingerprint, **asdict(self)}
+        return {
+            "generator": generator.name,
+            "fingerprint": generator.space.fingerprint,
+            "ref": generator.ref,
+            "seed": self.seed,
+            "drawing": self.drawing,
+        }
 
 
 def _sobol(space: ParameterSpace, seed: int, numbers: range) -> np.ndarray:
@@ -51,6 +52,7 @@ def _sobol(space: ParameterSpace, seed: int, numbers: range) -> np.ndarray:
     points = qmc.Sobol(len(space), rng=seed)
     if numbers.start:
         points.fast_forward(numbers.start)
-    with warnings.catch_warnings():  # of a number that is no power of two: the data set may grow to one
+    with warnings.catch_warnings():
+        # SciPy warns of a number that is no power of two, but the data set may grow to one.
         warnings.simplefilter("ignore", UserWarning)
         return points.random(len(numbers))

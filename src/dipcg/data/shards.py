@@ -20,11 +20,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from dipcg.data.codec import decode_mesh, encode_mesh
-from dipcg.data.draws import Draws
 from dipcg.generators import Generator
 from dipcg.mesh import Mesh
 from dipcg.space import Choice, Parameter, ParameterSpace, Params
-from dipcg.workers.pool import Timed
+from dipcg.workers.pool import Built
 from dipcg.workers.process import BuildError
 
 NUMBER, SEED, MESH, BUILD_S, FAILURE = "_number", "_seed", "_mesh", "_build_s", "_failure"
@@ -48,15 +47,17 @@ class Sample:
     build_s: float | None
     """seconds that a worker took; None when the build failed"""
     failure: str | None = None
-    """a worker.BuildError's reason"""
+    """the reason of a `BuildError`"""
     sentence: str = ""
-    """what it said, with the parameters"""
+    """its message, and how to build the same again"""
 
 
-def build(generator: Generator, draws: Draws, job: range, built: Iterable[Timed]) -> bytes:
-    """The content of a shard from what the workers made; raises BuildError when they could not start."""
-    parameters = zip(job, draws.params(job), built, strict=False)  # `built` may go on with the next shard
-    return pack([_sample(number, draws.seed, p, *outcome) for number, p, outcome in parameters], generator)
+def pack_built(generator: Generator, seed: int, job: range, built: Iterable[Built]) -> bytes:
+    """The content of a shard: the next builds under the numbers of a job.
+
+    `built` may go on with the next shard. Raises BuildError when the workers could not start.
+    """
+    return pack([_sample(number, seed, one) for number, one in zip(job, built, strict=False)], generator)
 
 
 def pack(samples: Sequence[Sample], generator: Generator) -> bytes:
@@ -68,7 +69,7 @@ def pack(samples: Sequence[Sample], generator: Generator) -> bytes:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that it is there whole or not at all, whatever happens meanwhile.
+    """Write a file so that all of it is there or nothing, whatever happens meanwhile.
 
     Raises OSError, with the file's name, when the disk is full or the folder cannot be written to.
     """
@@ -101,27 +102,28 @@ def from_row(row: dict[str, Any], space: ParameterSpace) -> Sample:
     return Sample(row[NUMBER], row[SEED], params, mesh, row[BUILD_S], reason or None, sentence)
 
 
-def parse_failure(told: str) -> tuple[str, str]:
+def parse_failure(text: str) -> tuple[str, str]:
     """The reason of a failure and its sentence."""
-    reason, _, sentence = told.partition(": ")
+    reason, _, sentence = text.partition(": ")
     return reason, sentence
 
 
 def versions(generator: Generator) -> dict[str, str]:
     """The versions of this package and of those that the generator needs, as far as they are installed."""
-    found = {}
+    installed = {}
     for package in ("dipcg", *generator.needs):
         with suppress(PackageNotFoundError):
-            found[package] = version(package)
-    return found
+            installed[package] = version(package)
+    return installed
 
 
-def _sample(number: int, seed: int, params: Params, built: Mesh | BuildError, seconds: float | None) -> Sample:
-    if not isinstance(built, BuildError):
-        return Sample(number, seed, params, built, seconds)
-    if built.reason == "start":
-        raise built
-    return Sample(number, seed, params, None, None, built.reason, f"{built} {built.hint}")
+def _sample(number: int, seed: int, built: Built) -> Sample:
+    if not isinstance(built.mesh, BuildError):
+        return Sample(number, seed, built.params, built.mesh, built.seconds)
+    error = built.mesh
+    if error.reason == "start":
+        raise error
+    return Sample(number, seed, built.params, None, None, error.reason, f"{error} {error.hint}")
 
 
 def _schema(generator: Generator) -> pa.Schema:

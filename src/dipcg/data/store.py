@@ -22,39 +22,44 @@ from dipcg.data.draws import Drawing, Draws
 from dipcg.data.shards import FAILURE, NUMBER, Sample
 from dipcg.generators import load_generator
 from dipcg.space import Parameter, ParameterSpace, Real
-from dipcg.workers.pool import BuildPool, Timed
+from dipcg.workers.pool import BuildPool, Built
 from dipcg.workers.process import BuildError
 
+# Samples in a shard.
 SHARD = 250
-SPLITS = {"train": (0, 18), "validation": (18, 19), "test": (19, 20)}  # twentieths, by sample number
-BINS = 16  # of a parameter's histogram
+# First and last twentieth of each split, by the number of the sample.
+SPLITS = {"train": (0, 18), "validation": (18, 19), "test": (19, 20)}
+# Bins of a parameter's histogram.
+BINS = 16
 
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a build stands, for a progress bar."""
+    """How far a build is, for a progress bar."""
 
     done: int
     total: int
     failed: int
     new: int = 0
-    """of those done, built now and not found there"""
+    """how many of those done this run has built"""
 
 
 class Counts:
-    """Counts what is done and tells it."""
+    """Counts the samples that are done and reports each change."""
 
     def __init__(self, total: int, report: Callable[[Progress], None], done: int, failed: int) -> None:
-        self.total, self.report, self.found, self.done, self.failed = total, report, done, done, failed
+        self.total, self.report, self.before, self.done, self.failed = total, report, done, done, failed
 
     def add(self, done: int, failed: int) -> None:
+        """Count some more samples."""
         self.done, self.failed = self.done + done, self.failed + failed
-        self.report(Progress(self.done, self.total, self.failed, self.done - self.found))
+        self.report(Progress(self.done, self.total, self.failed, self.done - self.before))
 
-    def watch(self, built: Iterable[Timed]) -> Iterator[Timed]:
-        for outcome in built:
-            self.add(1, isinstance(outcome[0], BuildError))
-            yield outcome
+    def watch(self, builds: Iterable[Built]) -> Iterator[Built]:
+        """The same builds, each counted as it passes."""
+        for built in builds:
+            self.add(1, isinstance(built.mesh, BuildError))
+            yield built
 
 
 @runtime_checkable
@@ -62,7 +67,7 @@ class Executor(Protocol):
     """Where shards are built: `Local`, or `cluster.Ray`."""
 
     def shards(self, draws: Draws, todo: list[range], counts: Counts) -> Iterator[tuple[range, bytes]]:
-        """The numbers and the content of each shard, in the order in which they are ready; counts what is built."""
+        """The numbers and the content of each shard, in the order in which they are ready; counts the builds."""
         ...
 
 
@@ -74,12 +79,12 @@ class Local:
     timeout_s: float = 60.0
 
     def shards(self, draws: Draws, todo: list[range], counts: Counts) -> Iterator[tuple[range, bytes]]:
-        generator = draws.generator
-        with BuildPool(draws.ref, self.workers, self.timeout_s) as pool:  # one stream: none waits for a shard's end
+        with BuildPool(draws.generator, self.workers, self.timeout_s) as pool:
+            # All shards are one stream of builds, so that no worker waits for the end of a shard.
             params = chain.from_iterable(draws.params(job) for job in todo)
             built = counts.watch(pool.timed(params, "light"))
             for job in todo:
-                yield job, shards.build(generator, draws, job, built)
+                yield job, shards.pack_built(draws.generator, draws.seed, job, built)
 
 
 def build_dataset(
@@ -91,13 +96,13 @@ def build_dataset(
     executor: Executor = Local(),
     report: Callable[[Progress], None] = lambda progress: None,
 ) -> int:
-    """Sample `count` parameter sets, build and store them; shards already there are kept. Returns the failures.
+    """Sample `count` parameter sets, build and store them; returns the number of failures.
 
-    Wherever shards are built, they are written here. Raises ValueError when the folder holds other data, or `count`
-    is not positive, OSError when it cannot be written to, and BuildError when no worker can start: that is the fault
-    of no sample.
+    Shards that are there already stay. Wherever shards are built, they are written here. Raises ValueError when the
+    folder holds other data or `count` is not positive, OSError when it cannot be written to, and BuildError when no
+    worker can start, which is not the fault of a sample.
     """
-    draws, folder = Draws(str(load_generator(ref).ref), seed, drawing), Path(folder)
+    draws, folder = Draws(load_generator(ref), seed, drawing), Path(folder)
     if count < 1:
         raise ValueError(f"The number of samples must be at least 1, got {count}.")
     _claim(folder, draws)
@@ -130,7 +135,7 @@ class Store:
     def summary(self) -> dict[str, Any]:
         """Counts, failures by reason with the first of each, sizes, and a histogram of each parameter where active."""
         table = self.table([NUMBER, FAILURE, *self.space.names])
-        failures = [shards.parse_failure(told) for told in table[FAILURE].to_pylist() if told]
+        failures = [shards.parse_failure(text) for text in table[FAILURE].to_pylist() if text]
         reasons = Counter(reason for reason, _ in failures)
         return {
             "generator": self.info["generator"],
@@ -157,10 +162,10 @@ class Store:
                     yield row
 
     def _finished(self) -> list[Path]:
-        found = sorted(self.folder.glob("shard-*.parquet"))
-        if not found:
+        paths = sorted(self.folder.glob("shard-*.parquet"))
+        if not paths:
             raise ValueError(f"{self.folder} has no finished shard yet; run `dipcg dataset build`.")
-        return found
+        return paths
 
 
 def in_split(number: int, split: str) -> bool:
@@ -196,12 +201,12 @@ def _conditions(name: str, space: ParameterSpace) -> Iterator[tuple[str, tuple]]
 
 
 def _histogram(parameter: Parameter, table: pa.Table) -> dict[str, int] | list[int]:
-    """How often each option, or how many values in each of `BINS` equal pieces of the range."""
+    """How often each option occurs, or how many values lie in each of `BINS` equal pieces of the range."""
     if isinstance(parameter, Real):
         values = table[parameter.name].to_numpy()
         return np.histogram(values, BINS, (parameter.low, parameter.high))[0].tolist()
-    found = Counter(table[parameter.name].to_pylist())
-    return {str(option): found[option] for option in parameter.options}
+    counts = Counter(table[parameter.name].to_pylist())
+    return {str(option): counts[option] for option in parameter.options}
 
 
 def _read_info(folder: Path) -> dict[str, Any]:
@@ -213,7 +218,7 @@ def _read_info(folder: Path) -> dict[str, Any]:
 
 
 def _claim(folder: Path, draws: Draws) -> None:
-    """Make the folder this data set's own, or refuse one that is another's."""
+    """Make the folder and say in it which data set it holds, or refuse one that holds another."""
     generator, ours = draws.generator, draws.describe()
     generator.check_installed()
     folder.mkdir(parents=True, exist_ok=True)

@@ -49,12 +49,12 @@ def built_shapes(
 ) -> list[Shape]:
     """Shapes of `count` random parameters, without those that cannot be built."""
     rng = np.random.default_rng(seed)
-    params, built = [pool.generator.space.sample(rng) for _ in range(count)], []
-    for done, mesh in enumerate(pool.map(params, "light")):
-        if isinstance(mesh, Mesh):
-            built.append((params[done], mesh))
-        report(done + 1)
-    return _shapes(built)
+    drawn, made = [pool.generator.space.sample(rng) for _ in range(count)], []
+    for done, built in enumerate(pool.timed(drawn, "light"), 1):
+        if isinstance(built.mesh, Mesh):
+            made.append((built.params, built.mesh))
+        report(done)
+    return _shapes(made)
 
 
 def shortlist(shapes: Sequence[Shape], truth: Points, quarter_turns: bool = False) -> list[Shape]:

@@ -11,8 +11,9 @@ import time
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from typing import NamedTuple
 
-from dipcg.generators import Detail, load_generator
+from dipcg.generators import Detail, Generator, load_generator
 from dipcg.mesh import Mesh
 from dipcg.space import Params
 from dipcg.workers.process import BuildError, Child
@@ -21,8 +22,13 @@ from dipcg.workers.process import BuildError, Child
 AHEAD = 4
 
 
-# What became of one sample, and the seconds that its worker took.
-Timed = tuple[Mesh | BuildError, float | None]
+class Built(NamedTuple):
+    """Parameters with their mesh, or with the error in its place, and the seconds that the worker took."""
+
+    params: Params
+    mesh: Mesh | BuildError
+    seconds: float | None = None
+    """None for a failed build"""
 
 
 class BuildPool:
@@ -32,8 +38,8 @@ class BuildPool:
     Raises LookupError for an unknown generator and ModuleNotFoundError when a package it needs is not installed.
     """
 
-    def __init__(self, generator: str, workers: int = 1, timeout_s: float = 60.0) -> None:
-        self.generator = load_generator(generator)
+    def __init__(self, generator: Generator | str, workers: int = 1, timeout_s: float = 60.0) -> None:
+        self.generator = load_generator(generator) if isinstance(generator, str) else generator
         self.generator.check_installed()
         self.timeout_s = timeout_s
         self._local = threading.local()
@@ -54,17 +60,17 @@ class BuildPool:
 
         Only a few are read and built ahead of what has been taken, so `many` may be endless.
         """
-        return (outcome for outcome, _ in self.timed(many, detail))
+        return (built.mesh for built in self.timed(many, detail))
 
-    def timed(self, many: Iterable[Params], detail: Detail = "light") -> Iterator[Timed]:
-        """As `map`, each with the seconds that its worker took, None for a failed one."""
-        ahead: deque[Future[tuple[Mesh, float]]] = deque()
+    def timed(self, many: Iterable[Params], detail: Detail = "light") -> Iterator[Built]:
+        """As `map`, each with its parameters and the seconds that its worker took."""
+        ahead: deque[tuple[Params, Future[tuple[Mesh, float]]]] = deque()
         for params in many:
-            ahead.append(self._threads.submit(self._build, params, detail))
+            ahead.append((params, self._threads.submit(self._build, params, detail)))
             if len(ahead) > AHEAD * self._workers:
-                yield _outcome(ahead.popleft())
+                yield _outcome(*ahead.popleft())
         while ahead:
-            yield _outcome(ahead.popleft())
+            yield _outcome(*ahead.popleft())
 
     def warm(self) -> None:
         """Start every worker in the background, so that the first build need not wait."""
@@ -114,8 +120,8 @@ class BuildPool:
         self._local.child = None
 
 
-def _outcome(future: Future[tuple[Mesh, float]]) -> Timed:
+def _outcome(params: Params, future: Future[tuple[Mesh, float]]) -> Built:
     try:
-        return future.result()
+        return Built(params, *future.result())
     except BuildError as error:
-        return error, None
+        return Built(params, error)
