@@ -24,7 +24,6 @@ COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "32"))
 PAIRS = os.environ.get("DIPCG_BENCH_PAIRS")
 OUT = Path(os.environ.get("DIPCG_BENCH_OUT", "out/search"))
 
-SMALL = ("--compile", "no")  # which takes a minute before it saves one
 WEAK = ("colour", "background", "crop", "hide", "blur", "noise", "jpeg", "lines", "mask", "edges", "flip")
 PLAIN = tuple(word for name in WEAK for word in (f"--augment.{name}", "0"))
 FIRST = "as it is"
@@ -32,19 +31,17 @@ RUNS: dict[str, tuple[str, ...]] = {
     FIRST: (),
     "the same, another seed": ("--seed", "1"),
     "batch 128": ("--batch", "128"),
-    "a render used once": ("--repeats", "1"),
-    "a render used 4 times": ("--repeats", "4"),
     "pictures of 64²": ("--image-size", "64"),
     "pictures of 192²": ("--image-size", "192"),
     "one view": ("--augment.views", "0"),
     "no augmentation": PLAIN,
     "summary of 128": ("--summary", "128"),
-    "denoiser from the start": ("--denoiser-from", "0"),
-    "denoiser in the last fifth": ("--denoiser-from", "0.8"),
+    "denoiser in the last fifth": ("--denoiser-share", "0.2"),
+    "pictures of one size": ("--no-grow",),
     "2 blocks": ("--depth", "2"),
     "1 draw a picture": ("--draws", "1"),
     "8 draws a picture": ("--draws", "8"),
-    "no draws of pure noise": ("--first", "0"),
+    "no draws of pure noise": ("--pure-noise-fraction", "0"),
     "noise predicted (ddpm)": ("--objective", "ddpm", "--summary", "0", "--steps", "250"),
     "300 shapes": ("--shapes", "300"),
     "1,000 shapes": ("--shapes", "1000"),
@@ -77,7 +74,7 @@ def run(name: str, flags: tuple[str, ...], data: str) -> dict:
     folder = OUT / name.replace(" ", "-")
     if (folder / "found.json").is_file():
         return json.loads((folder / "found.json").read_text())
-    checkpoint = train(data, folder, "--minutes", MINUTES, *SMALL, *flags)
+    checkpoint = train(data, folder, "--minutes", MINUTES, *flags)
     card = json.loads((checkpoint / CARD).read_text())
     with Inverter.load(str(checkpoint), workers=2) as inverter:
         found = measured(inverter, data) | {key: card[key] for key in ("pictures", "shapes", "validation")}

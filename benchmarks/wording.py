@@ -30,7 +30,7 @@ every_phrase = captions._load_phrases
 
 
 def main(name: str, data: str, minutes: str = "3") -> None:
-    config = TrainConfig(minutes=float(minutes), batch=128, repeats=8, denoiser_from=0.6, draws=2, compile="no")
+    config = TrainConfig(minutes=float(minutes), batch=128, repeats=8, denoiser_share=0.4, draws=2)
     print(f"{machine()}; {minutes} minutes of training\n")
     with tempfile.TemporaryDirectory() as folder:
         captions._load_phrases = phrases_known

@@ -24,7 +24,7 @@ from dipcg.space import params_from_json
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "extending.md").read_text()
 SMALLER = {"--count 5000": "--count 40", "--count 50": "--count 1 --candidates 2 --steps 2 --metric chamfer"}
-SMALLER["--minutes 30"] = "--minutes 0.05 --denoiser-from 0.2 --depth 1 --batch 16"
+SMALLER["--minutes 30"] = "--minutes 0.05 --denoiser-share 0.5 --depth 1 --batch 16"
 TRAIN = """
 import sys
 from dipcg.cli import main

@@ -16,7 +16,7 @@ __version__ = "0.1.0"
 __all__ = ["Candidate", "Estimate", "Inverter", "rank", "refine"]
 
 # Importing torch takes seconds, so these are loaded at their first use.
-_HOMES = dict.fromkeys(("Candidate", "Estimate", "Inverter"), "pipeline")
+_HOMES = {"Candidate": "pipeline", "Estimate": "pipeline", "Inverter": "pipeline"}
 _HOMES |= {"rank": "inference.rank", "refine": "inference.refine"}
 # Modules of version 0.1.0 that its documentation names. Their old names still work.
 _MOVED = {"codec": "data.codec", "preview": "inference.preview", "rank": "inference.rank"}

@@ -3,7 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
+
+from tyro.conf import arg
+
+
+def parse_count(text: str) -> int:
+    """A number of things as people write it: 500, 300k, 3m; raises ValueError for anything else or below 1."""
+    factor = {"k": 1_000, "m": 1_000_000}.get(text[-1:].lower(), 1)
+    try:
+        count = round(float(text.rstrip("kKmM")) * factor)
+    except ValueError:
+        count = 0
+    if count < 1:
+        raise ValueError(f"A number of pictures is written like 300k or 3m, got {text!r}.")
+    return count
+
+
+Count = Annotated[int, arg(constructor=parse_count, metavar="COUNT")]
 
 
 @dataclass(frozen=True)
@@ -43,69 +60,83 @@ class AugmentConfig:
 
     views: float = 1.0
     """seen from anywhere in the generator's range of views, not from its middle"""
+    extreme: float = 0.08
+    """seen from far above or from below, beyond the generator's range of views"""
+    flip: float = 0.5
+    """mirrored, with the camera and the parameters that it then shows"""
+    crop: float = 0.7
+    """cropped or padded by a few percent"""
+    hide: float = 0.12
+    """a box in front of the object"""
+    eaten: float = 0.1
+    """pieces of the object missing, as in a bad cut-out"""
     lines: float = 0.08
-    """a line drawing made from the surface's normals, as if by hand"""
+    """a line drawing of the surface's folds and ends, as if by hand"""
     mask: float = 0.08
     """the silhouette alone"""
     edges: float = 0.10
     """Canny edges alone"""
     colour: float = 0.8
     """saturation, gamma, tint, contrast and brightness"""
-    background: float = 0.25
+    pale: float = 0.1
+    """a pale object, hardly darker than white"""
+    background: float = 0.2
     """a ground that is not plain white, sometimes with a shadow"""
-    crop: float = 0.7
-    """cropped or padded by a few percent"""
-    hide: float = 0.12
-    """a piece of the object hidden"""
+    shadow: float = 0.15
+    """a soft or hard shadow left on white"""
+    floor: float = 0.08
+    """a piece of the floor left on white"""
+    halo: float = 0.1
+    """a rim of the ground's colour left around the object"""
     blur: float = 0.25
     """out of focus"""
     noise: float = 0.3
     """the grain of a sensor"""
     jpeg: float = 0.2
     """compressed as JPEG"""
-    flip: float = 0.5
-    """mirrored, with the camera and the parameters that it then shows"""
 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """One run of training; `minutes` is the dial, everything else follows it."""
+    """One run of training; the number of pictures is the dial that everything else follows."""
 
-    minutes: float = 60.0
-    """of training, after which the best weights are written"""
+    pictures: Count = 1_000_000
+    """pictures to learn from, like 300k or 3m; the schedule follows them"""
+    minutes: float | int | None = None
+    """limit of time; where it comes first, the schedule follows the clock, so that the run ends as it should"""
     start: str = ""
-    """checkpoint whose weights it begins with, a name or a folder; what does not fit begins at random"""
+    """checkpoint whose weights it begins with, a name or a folder; weights that do not fit begin at random"""
     shapes: int = 0
-    """of the data set's train split, its first so many; 0 for all"""
+    """how many shapes of the data set's train split are used; 0 for all"""
     batch: int = 64
-    """pictures a step"""
+    """pictures in a step"""
     learning_rate: float = 1e-3
-    """at its highest"""
+    """the highest learning rate"""
     schedule: Literal["cosine", "constant"] = "cosine"
-    """cosine: rises for the first 2 % of the time and then falls to nothing; constant: as in the paper"""
+    """cosine: the rate rises for 2 % of each stage and then falls to a hundredth; constant: as in the paper"""
     weight_decay: float = 0.02
-    """of AdamW"""
-    denoiser_from: float = 0.5
-    """share of the time after which the denoiser is trained along with the encoder and its guess"""
+    """weight decay of AdamW"""
+    grow: bool = True
+    """begin with small pictures, which cost less, and end with pictures of the full size"""
+    denoiser_share: float = 0.1
+    """share of the budget in which the denoiser is trained, on the finished encoder"""
     draws: int = 4
-    """noise levels per picture; the picture's tokens are computed once for all of them"""
+    """noise levels per picture in that share; the picture's tokens are computed once for all of them"""
     lock: float = 0.3
-    """share of pictures with some parameters given, for `--keep`"""
-    first: float = 0.125
-    """share of the draws that are pure noise, where the answer is read: the expectation before the first step"""
+    """share of pictures with some parameters fixed at their true values, which `--keep` needs"""
+    pure_noise_fraction: float = 0.125
+    """share of the draws that start from pure noise, where the expectation is read"""
     ema: float = 0.999
-    """decay of the averaged weights that are shipped"""
+    """decay of the moving average of the weights, which is what a checkpoint holds"""
     repeats: int = 2
-    """how often a rendered picture is used, each time with other augmentations"""
+    """how often a sentence is used, for an encoder of sentences"""
     views: Literal["range", "grid"] = "range"
-    """range: seen from anywhere in the generator's range of views; grid: from the published cameras"""
+    """range: cameras from anywhere in the generator's range of views; grid: the published cameras"""
     augment: AugmentConfig = field(default_factory=AugmentConfig)
     """changes to training pictures"""
-    workers: int = 1
-    """processes that render"""
     seed: int = 0
-    """of everything random"""
+    """random seed of the run"""
     device: str = "auto"
     """cpu, cuda or auto"""
     compile: Literal["auto", "yes", "no"] = "auto"
-    """fuse the network's operations (torch.compile); auto: on a GPU, and in a long run where there is a C++ compiler"""
+    """fuse the network's operations (torch.compile); auto: on a GPU"""

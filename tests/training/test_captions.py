@@ -129,7 +129,7 @@ def test_a_batch_of_sentences_asks_for_what_is_said_of_shapes_that_are_there(bat
     chair, rng = load_generator("chair"), np.random.default_rng(0)
     many = [chair.space.sample(rng) for _ in range(5)]
     x, active = (np.stack([of(params) for params in many]) for of in (chair.space.encode, chair.space.active))
-    told = next(iter(Sentences(chair, Shapes([b""] * 5, x.astype(np.float32), active), batch)))
+    told = Sentences(chair, Shapes([b""] * 5, x.astype(np.float32), active), batch).batch(0)
     assert told.images.shape == (batch, LENGTH, CHANNELS)
     for row, wanted in zip(told.x[:, : len(chair.space)].numpy(), told.active.numpy(), strict=True):
         shape = int(np.abs(x - row).sum(1).argmin())

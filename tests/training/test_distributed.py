@@ -19,7 +19,7 @@ SHARE = """
 import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
-from test_team import learn
+from test_distributed import learn
 run = learn(Path(sys.argv[1]))
 import torch
 torch.save(run.model.state_dict(), f"{sys.argv[1]}/{run.team.rank}.pt")

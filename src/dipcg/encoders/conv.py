@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from dipcg.config import ModelConfig
 from dipcg.encoders import Features
 
-STAGES = ((64, 2), (128, 2), (192, 2))  # (channels, blocks) at a quarter, an eighth and a sixteenth of the side
+# (channels, blocks) at a quarter, an eighth and a sixteenth of the side.
+STAGES = ((64, 2), (128, 2), (192, 2))
+# The last map is pooled to this many cells a side, whatever the size of the picture.
+GRID = 8
 
 
 def build(config: ModelConfig) -> nn.Module:
@@ -19,7 +23,10 @@ def build(config: ModelConfig) -> nn.Module:
 
 
 class ConvEncoder(nn.Module):
-    """A ResNet (He et al. 2016) of three stages; its last map becomes tokens, 64 at 128², and flattened a summary."""
+    """A ResNet (He et al. 2016) of three stages, whose last map becomes 64 tokens, and flattened a summary."""
+
+    # Training may use pictures of other sizes than `image_size`.
+    any_size = True
 
     channels = STAGES[-1][0]
 
@@ -32,14 +39,13 @@ class ConvEncoder(nn.Module):
             layers += [_Block(before if i == 0 else channels, channels, 2 if i == 0 else 1) for i in range(blocks)]
             before = channels
         self.body = nn.Sequential(*layers)
-        cells = (image_size // 16) ** 2
         squeeze = nn.Conv2d(before, 32, 1)
         self.pool = nn.Sequential(
-            squeeze, nn.Flatten(), nn.Linear(32 * cells, summary), nn.LayerNorm(summary), nn.GELU()
+            squeeze, nn.Flatten(), nn.Linear(32 * GRID**2, summary), nn.LayerNorm(summary), nn.GELU()
         )
 
     def forward(self, images: Float[Tensor, "b 3 s s"]) -> Features:
-        maps = self.body((images - 0.5) * 4)
+        maps = F.adaptive_avg_pool2d(self.body((images - 0.5) * 4), GRID)
         return Features(maps.flatten(2).transpose(1, 2), self.pool(maps))
 
 

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from jaxtyping import Float, Int64
 
 from dipcg import registry
 from dipcg.blender.declaration import read_declaration
@@ -67,12 +68,18 @@ class Generator:
         """The cameras that pictures of an asset are taken from."""
         return self.views_of(params) if self.views_of else self.views
 
-    def mirror(self, x: np.ndarray) -> np.ndarray:
+    @property
+    def mirror_map(self) -> tuple[Int64[np.ndarray, " p"], Float[np.ndarray, " p"]]:
+        """For each parameter of a mirrored asset, the index in `x` that it comes from and the sign that it gets."""
+        names = self.space.names
+        others = [(self.mirrors or {}).get(name, name) for name in names]
+        index = np.array([names.index(other.lstrip("-")) for other in others])
+        return index, np.array([-1.0 if other.startswith("-") else 1.0 for other in others])
+
+    def mirror(self, x: Float[np.ndarray, "*n p"]) -> Float[np.ndarray, "*n p"]:
         """The parameters, as `x`, of the asset mirrored left to right."""
-        mirrored, index = x.copy(), {name: i for i, name in enumerate(self.space.names)}
-        for name, other in (self.mirrors or {}).items():
-            mirrored[index[name]] = x[index[other.lstrip("-")]] * (-1 if other.startswith("-") else 1)
-        return mirrored
+        index, sign = self.mirror_map
+        return x[..., index] * sign
 
     def build(self, params: Params, detail: Detail = "full") -> Mesh:
         """Build the mesh in this process; use `worker.BuildPool` for generators that run Blender.

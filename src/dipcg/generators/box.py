@@ -65,5 +65,5 @@ def _lid(params: Params, width: float, depth: float, z: float) -> tuple:
     return vertices, faces
 
 
-def _block(x: float, y: float, z: float, dx: float, dy: float, dz: float) -> tuple:
+def _block(x: float | int, y: float | int, z: float | int, dx: float, dy: float, dz: float) -> tuple:
     return _CORNERS * [dx, dy, dz] + [x, y, z], _TRIANGLES.copy()

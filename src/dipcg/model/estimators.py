@@ -1,4 +1,8 @@
-"""From a configuration to a network: ours, or the paper's under the same interface."""
+"""From a configuration to a network: ours, or the paper's under the same interface.
+
+`makes_guess` says whether an estimator has a direct guess, `first_guess`, which is trained by `guess_loss` before the
+denoiser is by `denoising_loss`. Without one, `denoising_loss` trains the encoder too.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +11,9 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from dipcg.camera import VIEW_NUMBERS, View, encode_view
-from dipcg.config import ModelConfig
+from dipcg.config import ModelConfig, TrainConfig
 from dipcg.encoders import Features, build_encoder
-from dipcg.model import ddpm
+from dipcg.model import ddpm, flow
 from dipcg.model.denoiser import Condition, Denoiser, Outputs, Prediction
 from dipcg.model.dit import DiT
 from dipcg.space import ParameterSpace
@@ -19,6 +23,8 @@ UNSEEN_VIEW = View(30.0, 30.0, 2.0)  # the paper's model says nothing of the cam
 
 class Estimator(nn.Module):
     """From pictures to parameters and camera, for one parameter space."""
+
+    makes_guess = True
 
     def __init__(self, space: ParameterSpace, config: ModelConfig) -> None:
         super().__init__()
@@ -36,6 +42,19 @@ class Estimator(nn.Module):
         """What the denoiser attends to; the guess is not trained through it."""
         return self.denoiser.condition(features, self.guess(features.summary).detach())
 
+    def guess_loss(self, features: Features, x: Float[Tensor, "b d"], active: Bool[Tensor, "b p"]) -> Float[Tensor, ""]:
+        """The loss of the direct regression from the picture's summary."""
+        return flow.prediction_loss(self.outputs, self.first_guess(features), x, flow.with_view(active))
+
+    def denoising_loss(
+        self, features: Features, x: Float[Tensor, "b d"], active: Bool[Tensor, "b p"], config: TrainConfig
+    ) -> Float[Tensor, ""]:
+        """The loss at `config.draws` noise levels per picture."""
+        condition = self.condition(features).repeat(config.draws)
+        x = x.repeat_interleave(config.draws, 0)
+        active = flow.with_view(active).repeat_interleave(config.draws, 0)
+        return flow.denoising_loss(self.denoiser, condition, x, active, config.lock, config.pure_noise_fraction)
+
 
 class PaperEstimator(nn.Module):
     """The paper's model: parameters alone, the picture by cross-attention alone, no first guess and no camera.
@@ -43,6 +62,7 @@ class PaperEstimator(nn.Module):
     `x` has the camera's entries as everywhere; they are not looked at, and come back as those of a fixed view.
     """
 
+    makes_guess = False
     view: Tensor
 
     def __init__(self, space: ParameterSpace, config: ModelConfig) -> None:
@@ -53,6 +73,15 @@ class PaperEstimator(nn.Module):
         self.denoiser = DiT(len(space), self.encoder.channels, config)  # type: ignore[arg-type]
         numbers = torch.from_numpy(encode_view(UNSEEN_VIEW)).float()
         self.register_buffer("view", numbers, persistent=False)
+
+    @property
+    def guess(self) -> nn.Module:
+        """Raises ValueError: the paper has no direct regression."""
+        raise ValueError("The paper's recipe has no direct guess; ask for an estimate, or train without --recipe.")
+
+    def guess_loss(self, features: Features, x: Float[Tensor, "b d"], active: Bool[Tensor, "b p"]) -> Float[Tensor, ""]:
+        """Raises ValueError: the paper has no direct regression."""
+        raise ValueError("The paper's recipe has no direct guess; ask for an estimate, or train without --recipe.")
 
     def first_guess(self, features: Features) -> Prediction:
         """Raises ValueError: the paper has no direct regression."""
@@ -86,7 +115,9 @@ class PaperEstimator(nn.Module):
         x = torch.cat([x.clamp(-1, 1), self.view.expand(len(x), -1)], 1)
         return Prediction(x, -1e4 * (x[:, self.outputs.owner] - self.outputs.centres).square())
 
-    def loss(self, features: Features, x: Float[Tensor, "b d"]) -> Float[Tensor, ""]:
+    def denoising_loss(
+        self, features: Features, x: Float[Tensor, "b d"], active: Bool[Tensor, "b p"], config: TrainConfig
+    ) -> Float[Tensor, ""]:
         """The paper's loss at one random step per picture, of all parameters whether active or not."""
         x = x[:, :-VIEW_NUMBERS]
         pairs = self.denoiser.keys_values(features.tokens)

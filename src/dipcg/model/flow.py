@@ -11,8 +11,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from dipcg.camera import VIEW_NUMBERS
-from dipcg.model.denoiser import Condition, Outputs, Prediction
-from dipcg.model.estimators import Estimator
+from dipcg.model.denoiser import Condition, Denoiser, Outputs, Prediction
 
 
 def interpolate(x: Float[Tensor, "b d"], noise: Float[Tensor, "b d"], t: Float[Tensor, " b"]) -> Float[Tensor, "b d"]:
@@ -32,32 +31,26 @@ def prediction_loss(
 
 
 def denoising_loss(
-    model: Estimator,
+    denoiser: Denoiser,
     condition: Condition,
     x: Float[Tensor, "b d"],
     active: Bool[Tensor, "b d"],
     lock: float,
-    first: float = 0.0,
+    pure_noise_fraction: float = 0.0,
 ) -> Float[Tensor, ""]:
-    """The loss at one random time per row, with some parameters given clean in a share `lock` of the rows.
+    """The loss at one random time per row, with some parameters fixed at their true values in a share `lock` of rows.
 
-    A share `first` of the rows is at time 0, which random times seldom come near and the expectation is read at.
-
-    An inactive parameter means nothing, so the network sees a random value there and is not asked for it.
+    A share `pure_noise_fraction` of the rows is at time 0, where the expectation is read and which random times seldom
+    come near. An inactive parameter has no meaning: the network sees a random value there, and no loss counts it.
     """
     x = torch.where(active, x, torch.rand_like(x) * 2 - 1)
-    t = torch.rand(len(x), device=x.device).sqrt()  # late times decide the details
-    t = t * (torch.rand_like(t) >= first)
-    given = _random_locks(x, lock)
-    noisy = torch.where(given, x, interpolate(x, torch.randn_like(x), t))
-    return prediction_loss(model.outputs, model.denoiser(noisy, t, given, condition), x, active & ~given)
-
-
-def guess_loss(
-    model: Estimator, guess: Prediction, x: Float[Tensor, "b d"], active: Bool[Tensor, "b d"]
-) -> Float[Tensor, ""]:
-    """The loss of the direct regression from the picture's summary."""
-    return prediction_loss(model.outputs, guess, x, active)
+    # The square root prefers late times, which decide the details.
+    t = torch.rand(len(x), device=x.device).sqrt()
+    t = t * (torch.rand_like(t) >= pure_noise_fraction)
+    fixed_mask = _random_mask(x, lock)
+    noisy = torch.where(fixed_mask, x, interpolate(x, torch.randn_like(x), t))
+    prediction = denoiser(noisy, t, fixed_mask, condition)
+    return prediction_loss(denoiser.outputs, prediction, x, active & ~fixed_mask)
 
 
 def with_view(active: Bool[Tensor, "b p"]) -> Bool[Tensor, "b d"]:
@@ -65,6 +58,6 @@ def with_view(active: Bool[Tensor, "b p"]) -> Bool[Tensor, "b d"]:
     return F.pad(active, (0, VIEW_NUMBERS), value=True)
 
 
-def _random_locks(x: Tensor, lock: float) -> Bool[Tensor, "b d"]:
+def _random_mask(x: Tensor, lock: float) -> Bool[Tensor, "b d"]:
     share = torch.rand(len(x), 1, device=x.device) * (torch.rand(len(x), 1, device=x.device) < lock)
     return torch.rand_like(x) < share

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from dipcg.data.shapes import load_shapes
 from dipcg.inference.classifier import Kinds, fingerprint
 from dipcg.pipeline import Inverter
-from dipcg.training.pictures import Pictures, encoder_input
+from dipcg.training.pictures import SLOTS, Pictures
 
 BATCH, STEPS = 64, 400
 
@@ -35,8 +35,9 @@ def fit(inverter: Inverter, folders: Sequence[str | Path], pictures: int = 1500,
 def summaries(inverter: Inverter, folder: str | Path, count: int, split: str) -> tuple[str, Float[Tensor, "n w"]]:
     """A data set's generator, and what the encoder makes of pictures of its shapes."""
     generator, shapes = load_shapes(folder, split)
-    batches = iter(Pictures(generator, shapes, inverter.image_size, BATCH, seed=7))
-    found = [inverter.model.encoder(encoder_input(next(batches).images)).summary for _ in range(-(-count // BATCH))]
+    pictures, size = Pictures(generator, shapes, BATCH, seed=7, slots=min(count, SLOTS)), inverter.image_size
+    found = [inverter.model.encoder(pictures.batch(i, size).images).summary for i in range(-(-count // BATCH))]
+    pictures.close()
     return generator.name, torch.cat(found)[:count].clone()
 
 

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import torch
 from jaxtyping import Float, Int64
 from torch import Tensor
-from torch.utils.data import IterableDataset, get_worker_info
 
 from dipcg.camera import VIEW_NUMBERS
 from dipcg.data.shapes import Shapes
@@ -24,8 +21,8 @@ COMPOSED = 0.75  # share of a batch that is put together from phrases
 UNHEARD = 0.15  # share of tokens left out at most, others at each use: no sentence is to be learnt by heart
 
 
-class Sentences(IterableDataset):
-    """An endless stream of batches whose `images` are the tokens of sentences; no camera is told by words.
+class Sentences:
+    """Batches whose `images` are the tokens of sentences; words say nothing of the camera.
 
     Reading a sentence takes longer than learning from it, so each is used about `repeats` times, and most of a batch
     is made of phrases that were read alone, of which there are only some thousands, put together anew each time. A
@@ -33,20 +30,31 @@ class Sentences(IterableDataset):
     """
 
     def __init__(self, generator: Generator, shapes: Shapes, batch: int, repeats: int = 1, seed: int = 0) -> None:
-        self.generator, self.shapes, self.batch, self.repeats, self.seed = generator, shapes, batch, repeats, seed
+        self.generator, self.shapes, self.size, self.repeats, self.seed = generator, shapes, batch, repeats, seed
         self._read = Phrases()
+        self._recent: Batch | None = None
+        self._uses = 0
 
-    def __iter__(self) -> Iterator[Batch]:
-        worker = get_worker_info()
-        rng = np.random.default_rng([self.seed, worker.id if worker else 0])
-        whole = max(1, round(self.batch * (1 - COMPOSED)))
-        recent = self._tell(self.batch, rng)
-        while True:
-            recent = _keep(recent, self._tell(self.batch, rng), rng)  # many at once: the fewer, the longer each takes
-            for _ in range(self.batch * self.repeats // whole):
-                chosen = torch.from_numpy(rng.choice(len(recent.x), whole, replace=False))
-                both = _join(Batch(*(part[chosen] for part in recent)), self._compose(self.batch - whole, rng))
-                yield both._replace(images=_partly_heard(both.images.float(), rng))
+    def batch(self, step: int, size: int = 0) -> Batch:
+        """The batch of a step, from sentences that were written in the steps before and from new ones."""
+        rng = np.random.default_rng([self.seed, step])
+        whole = max(1, round(self.size * (1 - COMPOSED)))
+        recent = self._refreshed(rng, self.size * self.repeats // whole)
+        chosen = torch.from_numpy(rng.choice(len(recent.x), whole, replace=False))
+        both = _join(Batch(*(part[chosen] for part in recent)), self._compose(self.size - whole, rng))
+        return both._replace(images=_partly_heard(both.images.float(), rng))
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+    def _refreshed(self, rng: np.random.Generator, uses: int) -> Batch:
+        """The sentences to choose from; new ones join them after so many uses, many at once, which is faster."""
+        if self._recent is None:
+            self._recent, self._uses = self._tell(self.size, rng), 0
+        if self._uses % max(1, uses) == 0:
+            self._recent = _keep(self._recent, self._tell(self.size, rng), rng)
+        self._uses += 1
+        return self._recent
 
     def _tell(self, count: int, rng: np.random.Generator) -> Batch:
         """Whole sentences."""

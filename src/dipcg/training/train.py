@@ -1,17 +1,13 @@
-"""Training: pictures rendered on the fly, the guess first, then the denoiser along with it, until the time is up.
+"""Training: the encoder by its direct guess first, then the denoiser on the finished encoder, within a budget.
 
-`state.safetensors` and `state.json` beside the checkpoint let a killed run go on; the checkpoint holds the averaged
-weights that were best on the validation split.
+The state beside the checkpoint lets a killed run go on; the checkpoint holds the averaged weights that were best on the
+validation split.
 """
 
 from __future__ import annotations
 
-import contextlib
-import json
-import math
 import os
 import platform
-import shutil
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
@@ -19,24 +15,33 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from safetensors.torch import load_file, save_file
 from torch import Tensor
+from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from dipcg.config import ModelConfig, TrainConfig
 from dipcg.data.shapes import Shapes, load_shapes
 from dipcg.generators import Generator
 from dipcg.model.checkpoint import load_matching, save_checkpoint
-from dipcg.model.estimators import AnyEstimator, PaperEstimator, build_estimator
-from dipcg.model.flow import denoising_loss, guess_loss, with_view
+from dipcg.model.estimators import AnyEstimator, build_estimator
 from dipcg.model.zoo import find_checkpoint
 from dipcg.training.distributed import Team
-from dipcg.training.pictures import Batch, Pictures, encoder_input, loader
+from dipcg.training.pictures import SLOTS, USES, Batch, BatchSource, Pictures
 from dipcg.training.recipes import published_views
+from dipcg.training.schedule import Schedule
 from dipcg.training.sentences import Sentences
+from dipcg.training.state import load_state, save_state
+from dipcg.training.threads import Threads
 from dipcg.training.validate import Validation, validate
 
+# Seconds between two validations, after each of which the state is saved.
 VALIDATE_EVERY_S = 120.0
-VALIDATION_PICTURES = 256
+VALIDATION_PICTURES = 512
+# Steps between two reports.
+REPORT_EVERY = 20
+
+
+class TrainingError(RuntimeError):
+    """A run that cannot go on, with a sentence that says why and what to do."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +52,9 @@ class Status:
     pictures: int
     loss: float
     pictures_per_s: float
+    """since the run was started or resumed"""
     waiting: float
-    """share of the time spent waiting for pictures"""
+    """share of the time spent on making pictures"""
     validation: Validation | None
 
 
@@ -59,49 +65,39 @@ def train(
     model_config: ModelConfig,
     report: Callable[[Status], None] = lambda status: None,
 ) -> AnyEstimator:
-    """Train on a data set until `config.minutes` are over and write the best weights to `out`; resumes a killed run.
+    """Train on a data set until the budget is spent and write the best weights to `out`; resumes a killed run.
 
-    Raises ValueError when the data set is unusable or `out` holds another run.
+    Raises ValueError when the data set is unusable or `out` holds another run or a finished one, and TrainingError when
+    the loss is no longer a number.
     """
     torch.manual_seed(config.seed)
     generator, shapes = load_shapes(data, "train")
     shapes = shapes.first(config.shapes or len(shapes.x))
     run = Run(build_estimator(generator.space, model_config), config, Path(out), generator)
-    if _compiles(config, run.device):
-        torch._dynamo.config.suppress_errors = True  # what cannot be compiled runs as it is
-        run.model.encoder.compile()
-        run.model.denoiser.compile()
     run.about |= {"shapes": len(shapes.x), "machine": _machine(run.device, run.team.size)}
-    checks = _validation_batch(data, run.model, config.seed)
-    own = replace(config, seed=config.seed + 1000 * run.team.rank)  # every process sees other pictures and other noise
-    torch.manual_seed(own.seed)
-    batches = iter(loader(_input(generator, shapes, run.model, own), config.workers))
-    with _processors_left_by(config.workers):
-        for status in run.steps(batches, checks):
-            if run.team.leads:
-                report(status)
+    checks = _validation_batch(data, run)
+    # Every process sees other pictures and draws other noise.
+    own = replace(config, seed=config.seed + 1000 * run.team.rank)
+    source = _source(generator, shapes, run, own)
+    try:
+        with Threads() as threads:
+            for status in run.steps(source, checks, threads.adapt):
+                if run.team.leads:
+                    report(status)
+    finally:
+        source.close()
     return run.averaged
 
 
-@contextlib.contextmanager
-def _processors_left_by(workers: int) -> Iterator[None]:
-    """Compute on the processors that no worker renders on: a thread that shares one makes all the others wait."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(max(1, before - workers))
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
-
-
 class Run:
-    """The state of one training: weights, their average, the optimiser, the clock."""
+    """The state of one training: weights, their average, the optimiser, the counters."""
 
     def __init__(self, model: AnyEstimator, config: TrainConfig, out: Path, generator: Generator) -> None:
         self.config, self.out, self.generator = config, out, generator
         self.team = Team(config.device)
         self.device = self.team.device or choose_device(config.device)
-        self.about: dict[str, Any] = {}  # what a card says besides
+        # What a card says besides.
+        self.about: dict[str, Any] = {}
         if config.start:
             seen = load_matching(model, find_checkpoint(config.start))
             self.about["started_from"] = {"checkpoint": Path(config.start).name, "pictures": seen}
@@ -111,111 +107,122 @@ class Run:
         self.optimiser = torch.optim.AdamW(
             self.model.parameters(), 1e-3, (0.9, 0.98), weight_decay=config.weight_decay, fused=True
         )
-        self.elapsed_s, self.pictures, self.step, self.best = 0.0, 0, 0, math.inf
-        self._resume()
+        self.schedule = Schedule(config, _image_size(model), model.makes_guess, _grows(config, model))
+        self.counters: dict[str, Any] = {"elapsed_s": 0.0, "pictures": 0, "step": 0, "best": {}}
+        self.counters |= load_state(out, self._networks, self.optimiser, self._configs, self.device)
+        _compile(config, self.model, self.device)
+        if self.share >= 1:
+            raise ValueError(f"The run in {out} is finished; give a larger budget (--pictures) or another folder (-o).")
 
     @property
     def share(self) -> float:
-        return min(1.0, self.elapsed_s / (60 * self.config.minutes))
+        """How much of the budget is spent."""
+        return self.schedule.share(self.counters["pictures"], self.counters["elapsed_s"])
 
-    def steps(self, batches: Iterator[Batch], checks: Batch) -> Iterator[Status]:
-        """Step until the time is up; validates and saves every two minutes and at the end."""
-        started, before, waited, checked = time.monotonic(), self.elapsed_s, 0.0, self.elapsed_s
-        while self.share < 1:
-            asked = time.monotonic()
-            batch = next(batches)
-            waited += time.monotonic() - asked
-            loss = self.learn(batch)
-            self.elapsed_s = self.team.agree(before + time.monotonic() - started)
-            found = None
-            if self.elapsed_s - checked > VALIDATE_EVERY_S or self.share >= 1:
-                found, checked = self.check(checks) if self.team.leads else None, self.elapsed_s
-            if found or self.step % 20 == 0:
-                busy = time.monotonic() - started
-                rate = self.pictures / max(self.elapsed_s, 1e-6)
-                yield Status(self.share, self.pictures, loss, rate, waited / max(busy, 1e-6), found)
+    def steps(self, source: BatchSource, checks: Batch, adapt: Callable[[], None] = lambda: None) -> Iterator[Status]:
+        """Step until the budget is spent; validates and saves every two minutes, at the end, and when interrupted."""
+        started, before, waited = time.monotonic(), dict(self.counters), 0.0
+        checked = started
+        try:
+            while self.share < 1:
+                adapt()
+                asked = time.monotonic()
+                batch = source.batch(self.counters["step"], self.schedule.size(self.share))
+                waited += time.monotonic() - asked
+                loss = self.learn(batch)
+                now = time.monotonic()
+                self.counters["elapsed_s"] = self.team.agree(before["elapsed_s"] + now - started)
+                found = None
+                if now - checked > VALIDATE_EVERY_S or self.share >= 1:
+                    found, checked = self.check(checks) if self.team.leads else None, now
+                if found or self.counters["step"] % REPORT_EVERY == 0:
+                    rate = (self.counters["pictures"] - before["pictures"]) / (now - started)
+                    yield Status(self.share, self.counters["pictures"], loss, rate, waited / (now - started), found)
+        # The second is raised here when whoever takes the reports is interrupted.
+        except (KeyboardInterrupt, GeneratorExit):
+            if self.team.leads:
+                self.save()
+            raise
 
     def learn(self, batch: Batch) -> float:
-        """One step on one batch."""
-        self._set_rate()
+        """One step on one batch; raises TrainingError when the loss is not a number."""
+        share = self.share
+        for group in self.optimiser.param_groups:
+            group["lr"] = self.schedule.rate(share)
+        self._set_stage(self.schedule.trains_denoiser(share))
+        torch.manual_seed(self.config.seed + 1000 * self.team.rank + self.counters["step"])
         loss = self._loss(Batch(*(part.to(self.device, non_blocking=True) for part in batch)))
+        if not torch.isfinite(loss):
+            raise TrainingError(
+                f"The loss is {float(loss)} after {self.counters['pictures']} pictures. The last good state is kept in "
+                f"{self.out}; delete it and train with a lower --learning-rate than {self.config.learning_rate:g}."
+            )
         self.optimiser.zero_grad()
         loss.backward()
         self.team.average(self.model.parameters())
         torch.nn.utils.clip_grad_norm_(self.model.parameters(), 1.0)
         self.optimiser.step()
         self._average()
-        self.step, self.pictures = self.step + 1, self.pictures + self.team.size * len(batch.x)
+        self.counters["step"] += 1
+        self.counters["pictures"] += self.team.size * len(batch.x)
         return float(loss.detach())
 
     def check(self, checks: Batch) -> Validation:
-        """Validate the averaged weights, keep them if they are the best, and save the state."""
-        found = validate(self.averaged, Batch(*(part.to(self.device) for part in checks)))
-        if found.loss <= self.best:
-            self.best = found.loss
-            config = replace(self.config, start=Path(self.config.start).name)  # a card names no folder of one machine
-            about = {"train": asdict(config), "pictures": self.pictures, "seconds": round(self.elapsed_s)}
-            save_checkpoint(self.out, self.averaged, self.generator, self.about | about | {"validation": asdict(found)})
-        self._save_state()
+        """Validate the averaged weights, write a checkpoint if they are the best of their stage, and save the state."""
+        denoiser = self.schedule.trains_denoiser(self.share)
+        found = validate(self.averaged, Batch(*(part.to(self.device) for part in checks)), denoiser)
+        stage = "denoiser" if denoiser else "guess"
+        if found.loss <= self.counters["best"].get(stage, float("inf")):
+            self.counters["best"][stage] = found.loss
+            # A card names no folder of one machine.
+            config = replace(self.config, start=Path(self.config.start).name)
+            about = {"train": asdict(config), "pictures": self.counters["pictures"]}
+            about |= {"seconds": round(self.counters["elapsed_s"]), "validation": asdict(found)}
+            save_checkpoint(self.out, self.averaged, self.generator, self.about | about)
+        self.save()
         return found
 
+    def save(self) -> None:
+        """Write what a killed run goes on from."""
+        self.out.mkdir(parents=True, exist_ok=True)
+        save_state(self.out, self._networks, self.optimiser, self.counters, self._configs)
+
+    @property
+    def _networks(self) -> dict[str, torch.nn.Module]:
+        return {"model": self.model, "averaged": self.averaged}
+
+    @property
+    def _configs(self) -> tuple[ModelConfig, TrainConfig]:
+        return self.model.config, self.config
+
+    def _set_stage(self, denoiser: bool) -> None:
+        """Train the encoder and its guess, or the denoiser on the averaged encoder, which then stays as it is."""
+        self.model.train()
+        if not (self.model.makes_guess and denoiser):
+            return
+        for ours, averaged in ((self.model.encoder, self.averaged.encoder), (self.model.guess, self.averaged.guess)):
+            if any(p.requires_grad for p in ours.parameters()):
+                ours.load_state_dict(averaged.state_dict())
+                ours.requires_grad_(False)
+            ours.eval()
+
     def _loss(self, batch: Batch) -> Tensor:
-        images, active = encoder_input(batch.images), with_view(batch.active)
+        images, active = batch.images.float(), batch.active
         with torch.autocast(self.device.type, torch.bfloat16, enabled=has_bfloat16(self.device)):
             if images.ndim == 4:
                 images = images.contiguous(memory_format=torch.channels_last)
             features = self.model.encoder(images)
-            if isinstance(self.model, PaperEstimator):
-                return self.model.loss(features, batch.x)
-            guess = self.model.first_guess(features)
-            loss = guess_loss(self.model, guess, batch.x, active)
-            if self.share < self.config.denoiser_from:
-                return loss
-            draws = self.config.draws
-            condition = self.model.condition(features).repeat(draws)
-            x, active = batch.x.repeat_interleave(draws, 0), active.repeat_interleave(draws, 0)
-            return loss + denoising_loss(self.model, condition, x, active, self.config.lock, self.config.first)
-
-    def _set_rate(self) -> None:
-        warm = min(1.0, self.share / 0.02)
-        rate = self.config.learning_rate * warm * (0.01 + 0.99 * (1 + math.cos(math.pi * self.share)) / 2)
-        if self.config.schedule == "constant":
-            rate = self.config.learning_rate
-        for group in self.optimiser.param_groups:
-            group["lr"] = rate
+            if self.model.makes_guess and not self.schedule.trains_denoiser(self.share):
+                return self.model.guess_loss(features, batch.x, active)
+            return self.model.denoising_loss(features, batch.x, active, self.config)
 
     @torch.no_grad()
     def _average(self) -> None:
-        decay = min(self.config.ema, (1 + self.step) / (10 + self.step))
+        step = self.counters["step"]
+        update = get_ema_multi_avg_fn(min(self.config.ema, (1 + step) / (10 + step)))
         ours, theirs = self.averaged.state_dict(), self.model.state_dict()
         floats = [key for key, value in ours.items() if value.is_floating_point()]
-        torch._foreach_lerp_([ours[key] for key in floats], [theirs[key] for key in floats], 1 - decay)
-
-    def _save_state(self) -> None:
-        tensors = {f"model.{k}": v for k, v in self.model.state_dict().items()}
-        tensors |= {f"averaged.{k}": v for k, v in self.averaged.state_dict().items()}
-        for index, entry in self.optimiser.state_dict()["state"].items():
-            tensors |= {f"optimiser.{index}.{k}": torch.as_tensor(v) for k, v in entry.items()}
-        clock = {"elapsed_s": self.elapsed_s, "pictures": self.pictures, "step": self.step, "best": self.best}
-        for path in (self.out / "state.safetensors", self.out / "state.json"):  # the clock last: it says all is written
-            unfinished = path.with_suffix(".tmp")
-            if path.suffix == ".json":
-                unfinished.write_text(json.dumps(clock | {"model": asdict(self.model.config)}))
-            else:
-                save_file({k: v.contiguous() for k, v in tensors.items()}, unfinished)
-            unfinished.replace(path)
-
-    def _resume(self) -> None:
-        if not (self.out / "state.json").is_file():
-            return
-        clock = json.loads((self.out / "state.json").read_text())
-        if ModelConfig(**clock.pop("model")) != self.model.config:
-            raise ValueError(f"{self.out} holds a run of another model; choose another folder or delete it.")
-        tensors = load_file(self.out / "state.safetensors", device=str(self.device))
-        self.model.load_state_dict(_under("model.", tensors))
-        self.averaged.load_state_dict(_under("averaged.", tensors))
-        _load_optimiser(self.optimiser, _under("optimiser.", tensors))
-        self.__dict__.update(clock)
+        update([ours[key] for key in floats], [theirs[key] for key in floats], step)
 
 
 def choose_device(name: str) -> torch.device:
@@ -227,14 +234,15 @@ def has_bfloat16(device: torch.device) -> bool:
     """Whether the device computes in bfloat16 rather than emulating it."""
     if device.type == "cuda":
         return torch.cuda.is_bf16_supported()
-    return torch.cpu._is_avx512_bf16_supported()
+    flags = Path("/proc/cpuinfo")
+    return flags.is_file() and any(name in flags.read_text() for name in ("avx512_bf16", "amx_bf16"))
 
 
-def _compiles(config: TrainConfig, device: torch.device) -> bool:
-    """Whether fused operations will save more time than making them takes."""
-    if config.compile != "auto":
-        return config.compile == "yes"
-    return device.type == "cuda" or (config.minutes > 5 and shutil.which("c++") is not None)
+def _compile(config: TrainConfig, model: AnyEstimator, device: torch.device) -> None:
+    """Fuse operations on a GPU; on a CPU compiled code has a fixed number of threads, which we change while it runs."""
+    if config.compile == "yes" or (config.compile == "auto" and device.type == "cuda"):
+        model.encoder.compile()
+        model.denoiser.compile()
 
 
 def _machine(device: torch.device, processes: int) -> str:
@@ -243,30 +251,33 @@ def _machine(device: torch.device, processes: int) -> str:
     return f"{os.cpu_count()} cores, {platform.machine()}"
 
 
-def _input(generator: Generator, shapes: Shapes, model: AnyEstimator, config: TrainConfig) -> Pictures | Sentences:
+def _image_size(model: AnyEstimator) -> int:
+    return int(model.encoder.image_size)  # type: ignore[arg-type]
+
+
+def _grows(config: TrainConfig, model: AnyEstimator) -> bool:
+    return config.grow and bool(getattr(model.encoder, "any_size", False))
+
+
+def _source(generator: Generator, shapes: Shapes, run: Run, config: TrainConfig) -> BatchSource:
     """Pictures, or sentences for an encoder that sees none."""
-    size = int(model.encoder.image_size)  # type: ignore[arg-type]
-    if not size:
+    if not _image_size(run.model):
         return Sentences(generator, shapes, config.batch, config.repeats, config.seed)
+    slots = max(config.batch, min(SLOTS, config.pictures // USES))
+    return Pictures(_seen(generator, config), shapes, config.batch, config.seed, config.augment, slots, run.device)
+
+
+def _seen(generator: Generator, config: TrainConfig) -> Generator:
     if config.views == "grid":
-        generator = replace(generator, views=published_views(generator.name), views_of=None)
-    return Pictures(generator, shapes, size, config.batch, config.repeats, config.seed, config.augment)
+        return replace(generator, views=published_views(generator.name), views_of=None)
+    return generator
 
 
-def _validation_batch(data: str | Path, model: AnyEstimator, seed: int) -> Batch:
+def _validation_batch(data: str | Path, run: Run) -> Batch:
     """The same pictures of unseen shapes for every run, under the conditions of training."""
     generator, shapes = load_shapes(data, "validation")
-    config = replace(TrainConfig(), batch=VALIDATION_PICTURES, repeats=1, seed=seed + 1)
-    return next(iter(loader(_input(generator, shapes, model, config), 1)))
-
-
-def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    return {key.removeprefix(prefix): value for key, value in tensors.items() if key.startswith(prefix)}
-
-
-def _load_optimiser(optimiser: torch.optim.Optimizer, tensors: dict[str, Tensor]) -> None:
-    state: dict[int, dict[str, Tensor]] = {}
-    for key, value in tensors.items():
-        index, name = key.split(".", 1)
-        state.setdefault(int(index), {})[name] = value
-    optimiser.load_state_dict(optimiser.state_dict() | {"state": state})
+    config = replace(run.config, batch=VALIDATION_PICTURES, repeats=1, seed=run.config.seed + 1, pictures=1)
+    source = _source(generator, shapes, run, config)
+    batch = source.batch(0, _image_size(run.model))
+    source.close()
+    return batch

@@ -9,51 +9,61 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from dipcg.camera import VIEW_NUMBERS
+from dipcg.config import TrainConfig
 from dipcg.encoders import Features
-from dipcg.model.estimators import AnyEstimator, PaperEstimator
-from dipcg.model.flow import denoising_loss, guess_loss, with_view
+from dipcg.model.estimators import AnyEstimator
 from dipcg.model.sampling import sample
-from dipcg.training.pictures import Batch, encoder_input
+from dipcg.training.pictures import Batch
 
-PAPER_STEPS = 25  # for one sample of the paper's model, a tenth of what an estimate takes
+# The most steps of the sampler: the paper's model takes 250 for an estimate, which a validation cannot wait for.
+MOST_STEPS = 25
+# Pictures of which a sample is drawn, which takes much longer than a guess.
+SAMPLED = 128
+# One noise level per picture, and nothing fixed.
+PLAIN = TrainConfig(draws=1, lock=0.0, pure_noise_fraction=0.0)
 
 
 @dataclass(frozen=True)
 class Validation:
     """Mean absolute error in x of active reals, and share of active choices right, of the guess and of one sample.
 
-    The paper's model makes no guess.
+    The paper's model makes no guess, and while the encoder is trained by its guess there is no sample.
     """
 
     guess_reals: float | None
     guess_choices: float | None
-    sample_reals: float
-    sample_choices: float
+    sample_reals: float | None
+    sample_choices: float | None
     loss: float
-    """of training, guess and denoiser, on these pictures: what the best weights have lowest"""
+    """what the present stage of training makes small, on these pictures at fixed noise"""
 
 
 @torch.no_grad()
-def validate(model: AnyEstimator, batch: Batch, seed: int = 0) -> Validation:
-    """Compare the direct guess and one sample per picture with the truth, and give the loss at fixed noise."""
+def validate(model: AnyEstimator, batch: Batch, denoiser: bool = True, seed: int = 0) -> Validation:
+    """Compare the direct guess, and with `denoiser` one sample per picture, with the truth."""
     model.eval()
-    features = model.encoder(encoder_input(batch.images))
-    paper = isinstance(model, PaperEstimator)
-    guess = (None, None) if paper else _errors(model, model.outputs.modes(model.first_guess(features)), batch)
+    features = model.encoder(batch.images.float())
+    guess, sample_errors, loss = (None, None), (None, None), 0.0
+    if model.makes_guess:
+        guess = _errors(model, model.outputs.modes(model.first_guess(features)), batch)
+        loss = float(model.guess_loss(features, batch.x, batch.active))
+    if denoiser:
+        few = Batch(*(part[:SAMPLED] for part in batch))
+        some = Features(*(part[:SAMPLED] for part in features))
+        sample_errors, loss = _sampled(model, some, few, seed), _denoising_loss(model, some, few, seed)
+    return Validation(*guess, *sample_errors, loss)
+
+
+def _sampled(model: AnyEstimator, features: Features, batch: Batch, seed: int) -> tuple[float, float]:
     noise = torch.randn(batch.x.shape, generator=torch.Generator().manual_seed(seed)).to(batch.x)
-    steps = PAPER_STEPS if paper else model.config.steps
-    drawn = model.outputs.modes(sample(model, model.condition(features), noise, steps))
-    return Validation(*guess, *_errors(model, drawn, batch), _loss(model, features, batch, seed))
+    steps = min(model.config.steps, MOST_STEPS)
+    return _errors(model, model.outputs.modes(sample(model, model.condition(features), noise, steps)), batch)
 
 
-def _loss(model: AnyEstimator, features: Features, batch: Batch, seed: int) -> float:
-    active = with_view(batch.active)
+def _denoising_loss(model: AnyEstimator, features: Features, batch: Batch, seed: int) -> float:
     with torch.random.fork_rng(devices=[batch.x.device] if batch.x.is_cuda else []):
         torch.manual_seed(seed)
-        if isinstance(model, PaperEstimator):
-            return float(model.loss(features, batch.x))
-        denoising = denoising_loss(model, model.condition(features), batch.x, active, lock=0.0)
-    return float(guess_loss(model, model.first_guess(features), batch.x, active) + denoising)
+        return float(model.denoising_loss(features, batch.x, batch.active, PLAIN))
 
 
 def _errors(model: AnyEstimator, x: Float[Tensor, "b d"], batch: Batch) -> tuple[float, float]:
