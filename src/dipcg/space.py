@@ -164,6 +164,12 @@ class ParameterSpace:
     def _decode(self, x: Float[np.ndarray, " d"]) -> Params:
         return {p.name: p.decode(value) for p, value in zip(self.parameters, x.tolist(), strict=True)}
 
+    def conditions(self, name: str) -> Iterator[tuple[str, tuple[Value, ...]]]:
+        """Every condition of a parameter and of the choices that it depends on: a choice and its allowed options."""
+        for choice, allowed in self[name].when.items():
+            yield choice, allowed
+            yield from self.conditions(choice)
+
     def is_active(self, name: str, params: Params) -> bool:
         """Whether the parameter can change the mesh: its conditions hold and what they name is active too."""
         return all(

@@ -189,15 +189,9 @@ def _failures(path: Path) -> int:
 def _where_active(name: str, space: ParameterSpace, table: pa.Table) -> pa.Table:
     """The rows in which a parameter is active: `ParameterSpace.is_active` for a whole column."""
     active = np.ones(table.num_rows, bool)
-    for above, allowed in _conditions(name, space):
-        active &= np.isin(table[above].to_numpy(), allowed)
+    for choice, allowed in space.conditions(name):
+        active &= np.isin(table[choice].to_numpy(), allowed)
     return table.filter(pa.array(active))
-
-
-def _conditions(name: str, space: ParameterSpace) -> Iterator[tuple[str, tuple]]:
-    for above, allowed in space[name].when.items():
-        yield above, allowed
-        yield from _conditions(above, space)
 
 
 def _histogram(parameter: Parameter, table: pa.Table) -> dict[str, int] | list[int]:

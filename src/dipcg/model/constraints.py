@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -28,19 +28,12 @@ def needed(space: ParameterSpace, kept: Params) -> dict[str, Options]:
     """For each choice that is not held itself: the options under which everything held does something."""
     left: dict[str, tuple[str, Options]] = {}
     for name in kept:
-        for choice, allowed in _conditions(space, name):
+        for choice, allowed in space.conditions(name):
             if choice in kept:
                 _check_holds(name, choice, allowed, kept[choice])
             else:
                 left[choice] = _narrowed(name, choice, allowed, left.get(choice))
     return {choice: options for choice, (_, options) in left.items()}
-
-
-def _conditions(space: ParameterSpace, name: str) -> Iterator[tuple[str, Options]]:
-    """Every condition of a parameter and of the choices that it depends on."""
-    for choice, allowed in space[name].when.items():
-        yield choice, allowed
-        yield from _conditions(space, choice)
 
 
 def _check_holds(name: str, choice: str, allowed: Options, value: Value) -> None:
