@@ -15,10 +15,10 @@ from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from dipcg.camera import VIEW_NUMBERS, View, decode_view, encode_view
-from dipcg.encoders import Features
+from dipcg.encoders import Features, encoder_input
 from dipcg.export.asset import Asset
 from dipcg.generators import Detail, Generator
-from dipcg.images import Background, Source, over_white, prepare
+from dipcg.images import Background, Source, prepare
 from dipcg.mesh import Mesh
 from dipcg.model.checkpoint import load_checkpoint
 from dipcg.model.constraints import check_kept, encoded, needed
@@ -269,7 +269,7 @@ class Inverter:
 
     def features(self, picture: UInt8[np.ndarray, "s s 4"]) -> Features:
         """What the encoder makes of a prepared picture."""
-        return self.model.encoder(torch.from_numpy(over_white(picture)).permute(2, 0, 1)[None].float() / 255)
+        return self.model.encoder(encoder_input(picture))
 
     def _with_needed(self, kept: Params, condition: Condition, noise: Tensor) -> Params:
         """What is held, and each choice without which some of it would do nothing at its likeliest fitting option."""

@@ -39,6 +39,11 @@ def build_encoder(config: ModelConfig) -> nn.Module:
     return registry.load("encoders", config.encoder).build(config)
 
 
+def encoder_input(picture: UInt8[np.ndarray, "s s 4"]) -> Float[Tensor, "1 3 s s"]:
+    """A prepared picture as an encoder takes it: on white, channels first, in [0, 1]."""
+    return torch.from_numpy(over_white(picture)).permute(2, 0, 1)[None].float() / 255
+
+
 def feature_distance(encoder: nn.Module, photo: UInt8[np.ndarray, "s s 4"]) -> Callable[[np.ndarray], float]:
     """How far a render is from a photo in an encoder's eyes: 1 less the cosine of their tokens, averaged over places.
 
@@ -48,7 +53,7 @@ def feature_distance(encoder: nn.Module, photo: UInt8[np.ndarray, "s s 4"]) -> C
 
     @torch.inference_mode()
     def tokens(image: np.ndarray) -> Tensor:
-        return encoder(torch.from_numpy(over_white(image)).permute(2, 0, 1)[None].float() / 255).tokens
+        return encoder(encoder_input(image)).tokens
 
     encoder.eval()
     wanted = tokens(photo)

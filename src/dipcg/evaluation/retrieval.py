@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,8 @@ from torch import Tensor
 from dipcg.camera import View
 from dipcg.data.codec import decode_mesh
 from dipcg.data.shapes import Shapes, load_shapes
-from dipcg.encoders import Features
-from dipcg.images import MARGIN, Source, over_white, prepare
+from dipcg.encoders import Features, encoder_input
+from dipcg.images import MARGIN, Source, prepare
 from dipcg.pipeline import Candidate, Inverter
 from dipcg.render import Renderer, sample_look
 
@@ -38,14 +39,14 @@ class Neighbours:
         renderer, rng = Renderer(inverter.image_size), np.random.default_rng(seed)
         for start in range(0, len(numbers), BATCH):
             images = [self._render(shapes, int(number), renderer, rng) for number in numbers[start : start + BATCH]]
-            features.append(self._encode(np.stack(images)))
+            features.append(self._encode(images))
         renderer.close()
         self._known = torch.cat(features)
 
     def find(self, image: Source) -> Candidate:
         """Parameters and camera of the nearest render; raises images.ImageError."""
         picture, _ = prepare(image, self.inverter.image_size)
-        nearest = int((self._known @ self._encode(over_white(picture)[None])[0]).argmax())
+        nearest = int((self._known @ self._encode([picture])[0]).argmax())
         params = self.inverter.generator.space.decode(self._shown[nearest].astype(float))
         return Candidate(params, self._views[nearest])
 
@@ -55,11 +56,11 @@ class Neighbours:
         params = generator.space.decode(shapes.x[number].astype(float))
         self._views.append(generator.seen_from(params).sample(rng))
         look = sample_look(rng, len(mesh.part_names))
-        return over_white(renderer.render(mesh, self._views[-1], look, MARGIN))
+        return renderer.render(mesh, self._views[-1], look, MARGIN)
 
     @torch.inference_mode()
-    def _encode(self, images: np.ndarray) -> Float[Tensor, "b f"]:
-        pixels = torch.from_numpy(images).permute(0, 3, 1, 2).float() / 255
+    def _encode(self, images: Sequence[np.ndarray]) -> Float[Tensor, "b f"]:
+        pixels = torch.cat([encoder_input(image) for image in images])
         return torch.nn.functional.normalize(_whole(self.inverter.model.encoder(pixels)), dim=1)
 
 
