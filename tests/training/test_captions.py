@@ -9,7 +9,7 @@ from dipcg import registry
 from dipcg.cli import main
 from dipcg.data.shapes import Shapes
 from dipcg.generators import load_generator
-from dipcg.model.zoo import CheckpointError, find_words, shipped
+from dipcg.model.zoo import CheckpointError, find_checkpoint, shipped
 from dipcg.pipeline import Inverter
 from dipcg.space import Choice
 from dipcg.training.captions import FOLDER, MOST, caption, load_words, reworded, says
@@ -142,9 +142,9 @@ def test_a_batch_of_sentences_asks_for_what_is_said_of_shapes_that_are_there(bat
 
 
 def test_every_generator_that_ships_reads_words_too():
-    assert [find_words(name).name for name in shipped()] == shipped()
+    assert [find_checkpoint(name, "text").name for name in shipped()] == shipped()
     with pytest.raises(CheckpointError, match="no checkpoint that reads words for 'box'"):
-        find_words("box")
+        find_checkpoint("box", "text")
 
 
 @pytest.mark.parametrize(
@@ -157,7 +157,7 @@ def test_every_generator_that_ships_reads_words_too():
 )
 def test_opposite_sentences_give_opposite_options(generator, one, other, parameter):
     pytest.importorskip("transformers")
-    with Inverter.load(str(find_words(generator))) as inverter:
+    with Inverter.load(str(find_checkpoint(generator, "text"))) as inverter:
         first, second = (inverter.describe(text, candidates=1).params[parameter] for text in (one, other))
     assert first != second
     options = {"has_arm": (True, False), "ngon": (36, 4), "flower_mode": ("no_flower", "full_flower")}

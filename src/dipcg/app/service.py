@@ -23,7 +23,7 @@ from dipcg.inference.preview import TOLD_VIEW
 from dipcg.inference.rank import merged, rank
 from dipcg.inference.recognise import recognisable, recognise
 from dipcg.mesh import Mesh
-from dipcg.model.zoo import find_words
+from dipcg.model.zoo import find_checkpoint
 from dipcg.pipeline import Estimate, Inverter
 from dipcg.render import Renderer
 from dipcg.space import did_you_mean
@@ -162,7 +162,7 @@ class Studio:
     def _reader(self, name: str) -> Inverter:
         """The estimator that reads words, loaded when they are first given; what it finds is built by the other's."""
         if name not in self._readers:
-            self._readers[name] = Inverter.load(str(find_words(name)))
+            self._readers[name] = Inverter.load(str(find_checkpoint(name, "text")))
         return self._readers[name]
 
     @cached_property

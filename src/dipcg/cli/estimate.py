@@ -158,7 +158,7 @@ def _estimate_text(
     """Turn a sentence into an asset; raises ValueError when pictures are given too."""
     from dipcg.export.asset import check_target
     from dipcg.inference.recognise_text import recognise_text
-    from dipcg.model.zoo import find_words
+    from dipcg.model.zoo import find_checkpoint
     from dipcg.pipeline import Inverter
 
     if images:
@@ -168,7 +168,7 @@ def _estimate_text(
         check_target(preview, (".png",))
     chances = {} if generator else dict(recognise_text(text))
     generator = generator or next(iter(chances))
-    with Inverter.load(str(find_words(generator))) as inverter:
+    with Inverter.load(str(find_checkpoint(generator, "text"))) as inverter:
         found = inverter.describe(text, candidates, steps, seed, kept)
         targets = (written.output, written.params_out, preview)
         _write(found, targets, written)
