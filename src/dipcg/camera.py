@@ -12,7 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-Range = tuple[float | int, float | int]  # whole degrees are what people type
+# Integers too, since whole degrees are what people type.
+Range = tuple[float | int, float | int]
+
+# The highest elevation either way: at 90° azimuth and roll could not be told apart.
+MAX_ELEVATION_DEG = 89.0
+# The distances that `encode_view` maps to the ends of [-1, 1].
+NEAREST, FARTHEST = 1.5, 6.0
 
 
 @dataclass(frozen=True)
@@ -133,11 +139,12 @@ def depth_range(depth: Float[np.ndarray, " v"]) -> tuple[float, float]:
     return max(float(depth.min()) * 0.9, 1e-3), float(depth.max()) * 1.1
 
 
-VIEW_NUMBERS = 4
+# Numbers of a camera for the network, and for a search in a box.
+VIEW_NUMBERS, BOX_NUMBERS = 4, 3
 
 
 def encode_view(view: View) -> Float[np.ndarray, "4"]:
-    """The camera as numbers in about [-1, 1]: sine and cosine of the azimuth, elevation, nearness."""
+    """The camera as numbers in about [-1, 1] for the network: sine and cosine of the azimuth, elevation, nearness."""
     azimuth = np.radians(view.azimuth_deg)
     return np.array([np.sin(azimuth), np.cos(azimuth), view.elevation_deg / 60, 4 / view.distance - 5 / 3])
 
@@ -146,4 +153,17 @@ def decode_view(numbers: Float[np.ndarray, "4"]) -> View:
     """The camera that `encode_view` wrote, from any four numbers."""
     sine, cosine, elevation, nearness = (float(n) for n in numbers)
     distance = 4 / (min(max(nearness, -1.0), 1.0) + 5 / 3)
-    return View(float(np.degrees(np.arctan2(sine, cosine))), min(max(60 * elevation, -89.0), 89.0), distance)
+    highest = MAX_ELEVATION_DEG
+    return View(float(np.degrees(np.arctan2(sine, cosine))), min(max(60 * elevation, -highest), highest), distance)
+
+
+def view_to_box(view: View) -> Float[np.ndarray, "3"]:
+    """The camera as a point of the box [-1, 1]^3 for a search: azimuth, elevation, nearness; clipped to the box."""
+    numbers = [view.azimuth_deg / 180, (view.elevation_deg - 20) / 35, (1 / view.distance - 0.4) / 0.25]
+    return np.clip(numbers, -1, 1)
+
+
+def view_from_box(numbers: Float[np.ndarray, "3"]) -> View:
+    """The camera of a point of the box, which may stand behind the object too: the inverse of `view_to_box`."""
+    azimuth, elevation, nearness = (float(n) for n in numbers)
+    return View(180 * azimuth, 20 + 35 * elevation, 1 / (0.4 + 0.25 * nearness))

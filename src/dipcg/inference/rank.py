@@ -14,7 +14,7 @@ from jaxtyping import Float
 from scipy.optimize import minimize
 from scipy.spatial import KDTree
 
-from dipcg.camera import View
+from dipcg.camera import FARTHEST, MAX_ELEVATION_DEG, NEAREST, View
 from dipcg.images import MARGIN
 from dipcg.inference.compare import SIDE, Picture
 from dipcg.mesh import Mesh
@@ -29,7 +29,6 @@ GLANCES = 10  # renders in the search for a candidate's camera: without it a goo
 STEPS = np.array([8.0, 6.0, 0.2])  # of that search: azimuth and elevation in degrees, distance as a logarithm
 TRIES = 24  # renders in the longer search for the camera of the first
 STRANGE = 0.55  # misfit above which a picture shows nothing that the generator makes; see docs/results.md
-NEAREST, FARTHEST = 1.5, 6.0  # distances that `encode_view` can tell apart
 PRIOR = 0.1  # weight of the surprise against the agreement
 CAMERA = 0.01  # and of the square of the steps that the camera is from where the network expects it …
 FAR = 9.0  # … up to this square
@@ -71,7 +70,7 @@ def warning(estimate: Estimate) -> str | None:
 
 def turned(view: View, azimuth_deg: float, elevation_deg: float, nearer: float) -> View:
     """The camera moved by two angles and by a factor exp(-nearer) of its distance, within what can be seen from."""
-    elevation = min(max(view.elevation_deg + elevation_deg, -89.0), 89.0)
+    elevation = min(max(view.elevation_deg + elevation_deg, -MAX_ELEVATION_DEG), MAX_ELEVATION_DEG)
     distance = min(max(view.distance * float(np.exp(-nearer)), NEAREST), FARTHEST)
     return replace(
         view,

@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from dipcg.camera import View
 from dipcg.inference.correct import Corrector, can_correct
+from dipcg.inference.evolution import EvolutionStrategy
 from dipcg.inference.rank import Judge, judged, merged, rank
 from dipcg.mesh import Mesh
 from dipcg.pipeline import Candidate, Estimate, Step
@@ -23,7 +24,6 @@ FIRST_STEP = 0.5  # of the spread
 JUMPS = 2  # of a generation, in which one choice is another
 LEAST_CHANCE = 0.02  # added to the chance of each option that a jump may take
 LEAST_GAIN = 1e-3  # of the score, less than which is no gain
-WORST = -10.0  # the score of what cannot be built, since CMA-ES wants a number
 PATIENCE = 6  # generations without a better one, after which the search stops
 TRUST = 2  # generations without the best among the network's corrections, after which it is not asked again
 NEAR = 0.03  # agreement below the best within which a camera is searched for
@@ -92,7 +92,7 @@ class Search:
         jumps, corrected = self._jumps(), self._corrections()
         found = self._judged([*((self._params(point), self.best.view) for point in points), *jumps, *corrected])
         scores = [self.judge.score(candidate) for candidate in found]
-        self._strategy.tell(points, [-max(score, WORST) for score in scores[: len(points)]])
+        self._strategy.tell(points, [-score for score in scores[: len(points)]])
         first = int(np.argmax(scores))
         if scores[first] > before:
             self.best = found[first]
@@ -107,14 +107,12 @@ class Search:
 
     def _start(self) -> None:
         """A new strategy around the best, over the active reals that are not held, in units of their spread."""
-        import cma
-
         active, kept = self.space.active(self.best.params), self.estimate.kept
         self._free = [i for i in self.space.reals if active[i] and self.space.names[i] not in kept]
         self._centre = self.space.encode(self.best.params)
         self._scale = np.array([self._spread(self.space.parameters[i]) for i in self._free])
-        options = {"popsize": GENERATION - JUMPS, "seed": int(self.rng.integers(1, 2**31)), "verbose": -9}
-        self._strategy = cma.CMAEvolutionStrategy(np.zeros(max(2, len(self._free))), FIRST_STEP, options)
+        start = np.zeros(max(2, len(self._free)))
+        self._strategy = EvolutionStrategy(start, FIRST_STEP, self.rng, GENERATION - JUMPS, bounded=False)
 
     def _spread(self, parameter: Parameter) -> float:
         assert isinstance(parameter, Real)

@@ -15,9 +15,10 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from dipcg.camera import View
+from dipcg.camera import BOX_NUMBERS, View, view_from_box, view_to_box
 from dipcg.generators import Generator
 from dipcg.images import MARGIN
+from dipcg.inference.evolution import EvolutionStrategy
 from dipcg.mesh import Mesh
 from dipcg.render import Renderer
 from dipcg.space import Choice, ParameterSpace, Params
@@ -27,9 +28,7 @@ from dipcg.workers.process import BuildError
 Point = Float[np.ndarray, " n"]
 Score = Callable[[UInt8[np.ndarray, "s s 4"]], float]
 Propose = Callable[[Point], Point]
-CAMERA = 3  # numbers of a point that say where the camera stands
 METHODS = ("mcmc", "random", "cma")
-WORST = 1e3  # what CMA-ES, which wants numbers, is told of a point that cannot be built
 
 
 @runtime_checkable
@@ -81,22 +80,6 @@ class RandomSearch:
         pass
 
 
-class EvolutionStrategy:
-    """CMA-ES (Hansen 2016, as implemented by `cma`) from one start; a choice is the piece its number lies in."""
-
-    def __init__(self, start: Point, step: float, rng: np.random.Generator) -> None:
-        import cma
-
-        drawn = {"randn": lambda *shape: rng.standard_normal(shape), "seed": math.nan}
-        self._inner = cma.CMAEvolutionStrategy(start, step, {"bounds": [-1, 1], "verbose": -9, **drawn})
-
-    def ask(self) -> list[Point]:
-        return [np.asarray(point, float) for point in self._inner.ask()]
-
-    def tell(self, points: list[Point], scores: list[float]) -> None:
-        self._inner.tell(points, [min(score, WORST) for score in scores])
-
-
 @dataclass(frozen=True)
 class Moves:
     """The proposal: a few entries of a point move, reals by a normal step, choices to any option.
@@ -138,7 +121,7 @@ class Objective:
 
     @property
     def dimension(self) -> int:
-        return len(self.generator.space) + (CAMERA if self.view is None else 0)
+        return len(self.generator.space) + (BOX_NUMBERS if self.view is None else 0)
 
     def __call__(self, points: Sequence[Point]) -> Iterator[float]:
         meshes = self.pool.map([self.params(point) for point in points], "light")
@@ -150,18 +133,12 @@ class Objective:
 
     def camera(self, point: Point) -> View:
         """The known view, or the one that the point names, from behind too."""
-        if self.view is not None:
-            return self.view
-        azimuth, elevation, nearness = (float(n) for n in point[-CAMERA:])
-        return View(180 * azimuth, 20 + 35 * elevation, 1 / (0.4 + 0.25 * nearness))
+        return view_from_box(point[-BOX_NUMBERS:]) if self.view is None else self.view
 
     def point(self, params: Params, view: View) -> Point:
         """The point of parameters and a camera: the inverse of `params` and `camera`."""
         x = self.generator.space.encode(params)
-        if self.view is not None:
-            return x
-        numbers = [view.azimuth_deg / 180, (view.elevation_deg - 20) / 35, (1 / view.distance - 0.4) / 0.25]
-        return np.concatenate([x, np.clip(numbers, -1, 1)])
+        return x if self.view is not None else np.concatenate([x, view_to_box(view)])
 
     def render(self, mesh: Mesh, point: Point) -> UInt8[np.ndarray, "s s 4"]:
         return self.renderer.render(mesh, self.camera(point), margin=MARGIN)
