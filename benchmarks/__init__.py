@@ -1,1 +1,1 @@
-"""What produces every number in docs/results.md; `python -m benchmarks` runs all, or the ones named."""
+"""The commands that print the numbers of docs/results.md and docs/experiments; `python -m benchmarks` lists them."""

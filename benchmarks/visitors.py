@@ -101,7 +101,7 @@ def _report(seen: Seen, memory: list[float]) -> None:
 
 
 def _kill_a_worker(server: int) -> None:
-    workers = [pid for pid in _descendants(server) if "dipcg.workers.pool" in _file(pid, "cmdline")]
+    workers = [pid for pid in _descendants(server) if "dipcg.workers.child" in _file(pid, "cmdline")]
     os.kill(workers[0], signal.SIGKILL)
 
 
