@@ -1,4 +1,4 @@
-"""What is missing on this machine, and the command that mends it; nothing heavy is imported in the calling process."""
+"""Checks of this machine: what is missing, and the command that installs it. Child processes import what is heavy."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ from dipcg.model.zoo import SHIPPED
 MIN_MEMORY_GB = 4.0
 CHILD_TIMEOUT_S = 60.0
 
-OPENGL = {"EGL": "libegl1", "GL": "libgl1"}  # shared library: the Debian package that has it
+# The shared libraries, and the Debian packages that have them.
+OPENGL = {"EGL": "libegl1", "GL": "libgl1"}
+OPENCV = {"gthread-2.0": "libglib2.0-0", "GL": "libgl1"}
 OPENGL_DRIVER = ("libegl-mesa0", "libgl1-mesa-dri")
 BLENDER = {
     "Xrender": "libxrender1",
@@ -39,42 +41,47 @@ BLENDER = {
 
 @dataclass(frozen=True)
 class Check:
-    """One thing looked at: what was found, and when it is not `ok` the command that mends it."""
+    """The result of one check, and the command that helps when it is not `ok`."""
 
     name: str
     ok: bool
-    found: str
+    result: str
     fix: str = ""
 
 
 def checks() -> list[Check]:
-    """Look at everything the package may need here; takes a few seconds, since Blender is started once."""
-    looked_at = [check() for check in CHECKS]
-    return looked_at + [check_checkpoint(name) for name in registry.names("generators")]
+    """Run all checks, which takes a few seconds since one of them starts Blender."""
+    return [check() for check in CHECKS] + [check_checkpoint(name) for name in registry.names("generators")]
 
 
-def report(found: list[Check]) -> str:
-    """The checks as an aligned table, with the mending command under each that failed."""
-    width = max(len(check.name) for check in found)
-    return "\n".join(_line(check, width) for check in found)
+def report(results: list[Check]) -> str:
+    """The checks as an aligned table, with a command under each that failed."""
+    width = max(len(check.name) for check in results)
+    return "\n".join(_line(check, width) for check in results)
 
 
 def check_python() -> Check:
-    return _check("Python", sys.version_info >= (3, 11), platform.python_version(), "make install PYTHON=python3.11")
+    return _check("Python", sys.version_info >= (3, 11), platform.python_version(), "make install")
 
 
 def check_opengl() -> Check:
-    """Whether a windowless context really opens, and which driver draws."""
+    """Whether OpenGL works without a window, and which driver draws."""
     context = "moderngl.create_context(standalone=True, backend='egl')"
-    ok, found = _child(f"import moderngl; answer({context}.info['GL_RENDERER'])")
-    return _check("OpenGL", ok, found, apt_install([*OPENGL.values(), *OPENGL_DRIVER]))
+    ok, result = _child(f"import moderngl; send({context}.info['GL_RENDERER'])")
+    return _check("OpenGL", ok, result, apt_install([*OPENGL.values(), *OPENGL_DRIVER]))
+
+
+def check_opencv() -> Check:
+    """Whether `cv2` can be imported, which links to libraries of the system."""
+    ok, result = _child("import cv2; send(cv2.__version__)")
+    return _check("OpenCV", ok, result, apt_install(OPENCV.values()))
 
 
 def check_libraries() -> Check:
-    """Whether the shared libraries that Blender's module links to are there."""
+    """Whether the shared libraries that Blender's module links to are installed."""
     missing = [name for name in BLENDER if sys.platform == "linux" and find_library(name) is None]
-    found = f"missing: {', '.join(f'lib{name}' for name in missing)}" if missing else "all there"
-    return _check("Blender's libraries", not missing, found, apt_install([BLENDER[name] for name in missing]))
+    result = f"missing: {', '.join(f'lib{name}' for name in missing)}" if missing else "installed"
+    return _check("Blender's libraries", not missing, result, apt_install([BLENDER[name] for name in missing]))
 
 
 def check_infinigen() -> Check:
@@ -82,17 +89,17 @@ def check_infinigen() -> Check:
 
 
 def check_blender() -> Check:
-    """Whether `bpy` imports, in a process of its own."""
-    ok, found = _child("import bpy; answer(bpy.app.version_string)")
-    linked = "cannot open shared object" in found
-    return _check("Blender (bpy)", ok, found, apt_install(BLENDER.values()) if linked else _install_infinigen())
+    """Whether `bpy` can be imported, in a process of its own."""
+    ok, result = _child("import bpy; send(bpy.app.version_string)")
+    lacks_library = "cannot open shared object" in result
+    return _check("Blender (bpy)", ok, result, apt_install(BLENDER.values()) if lacks_library else _install_infinigen())
 
 
 def check_torch() -> Check:
-    """Which torch is installed, and whether this processor computes in bfloat16 itself."""
+    """Which torch is installed, and which instructions for bfloat16 this processor has."""
     check = _installed("torch", "torch", "pip install torch")
     flags = " ".join(sorted({"avx512_bf16", "amx_bf16", "bf16"} & _cpu_flags()))
-    return Check(check.name, check.ok, f"{check.found}, bfloat16 in hardware: {flags or 'no'}", check.fix)
+    return Check(check.name, check.ok, f"{check.result}, bfloat16 in hardware: {flags or 'no'}", check.fix)
 
 
 def check_memory() -> Check:
@@ -101,8 +108,9 @@ def check_memory() -> Check:
     if match is None:
         return Check("Memory", True, "unknown on this system")
     free_gb = int(match[1]) / 2**20
-    found = f"{free_gb:.1f} GB free, {MIN_MEMORY_GB:g} wanted"
-    return _check("Memory", free_gb >= MIN_MEMORY_GB, found, "ps aux --sort=-rss | head  # and close what it lists")
+    result = f"{free_gb:.1f} GB free, {MIN_MEMORY_GB:g} GB needed"
+    close_some = "ps aux --sort=-rss | head  # close some of the programs that it lists"
+    return _check("Memory", free_gb >= MIN_MEMORY_GB, result, close_some)
 
 
 def check_cores() -> Check:
@@ -111,15 +119,16 @@ def check_cores() -> Check:
 
 
 def check_checkpoint(generator: str) -> Check:
-    """Which trained weights ship for a generator; none is no fault."""
+    """The size of the trained weights that ship for a generator; to have none is no failure."""
     size_mb = sum(path.stat().st_size for path in (SHIPPED / generator).rglob("*.safetensors")) / 1e6
-    none = f"none: it can be sampled; after `dipcg train {generator}` it can be estimated"
+    none = f"none: `dipcg sample {generator}` works, `dipcg estimate` after `dipcg train {generator}`"
     return Check(f"Weights: {generator}", True, f"{size_mb:.1f} MB" if size_mb else none)
 
 
 CHECKS: tuple[Callable[[], Check], ...] = (
     check_python,
     check_opengl,
+    check_opencv,
     check_libraries,
     check_infinigen,
     check_blender,
@@ -130,18 +139,18 @@ CHECKS: tuple[Callable[[], Check], ...] = (
 
 
 def apt_install(packages: Iterable[str]) -> str:
-    """The command that installs Debian packages, with sudo where it is needed and there."""
+    """The command that installs Debian packages, with sudo for those who need it and have it."""
     sudo = "sudo " if os.geteuid() != 0 and shutil.which("sudo") else ""
     return f"{sudo}apt-get install -y {' '.join(dict.fromkeys(packages))}"
 
 
 def _install_infinigen() -> str:
-    # Blender 4.2's module exists for Python 3.11 alone
-    return "pip install 'dipcg[infinigen]'" if sys.version_info[:2] == (3, 11) else "make install PYTHON=python3.11"
+    # Blender 4.2's module exists for Python 3.11 alone, and `make install` makes an environment of it.
+    return "pip install 'dipcg[infinigen]'" if sys.version_info[:2] == (3, 11) else "make install"
 
 
-def _check(name: str, ok: bool, found: str, fix: str) -> Check:
-    return Check(name, ok, found, "" if ok else fix)
+def _check(name: str, ok: bool, result: str, fix: str) -> Check:
+    return Check(name, ok, result, "" if ok else fix)
 
 
 def _installed(name: str, package: str, fix: str) -> Check:
@@ -152,22 +161,26 @@ def _installed(name: str, package: str, fix: str) -> Check:
 
 
 def _child(code: str) -> tuple[bool, str]:
-    """Run code that calls `answer(text)` in another process: what it answered, or the last line of its error."""
-    # os._exit: Blender's own shutdown is slow, and its chatter may come after the answer
-    prelude = "import os\ndef answer(text): print('\\nanswer', text, flush=True); os._exit(0)\n"
-    command = [sys.executable, "-c", prelude + code]
+    """Run code that calls `send(text)` in another process: that text, or the last line of its error."""
+    # Blender ends slowly and may print after the result, so the process stops at once.
+    prelude = "import os\ndef send(text): print('\\nresult', text, flush=True); os._exit(0)\n"
     try:
-        with TemporaryDirectory(prefix="dipcg-", ignore_cleanup_errors=True) as folder:  # Blender leaves its own behind
-            done = subprocess.run(
-                command, capture_output=True, text=True, errors="replace", timeout=CHILD_TIMEOUT_S,
-                env=os.environ | {"TMPDIR": folder},
-            )  # fmt: skip
+        done = _run([sys.executable, "-c", prelude + code])
     except subprocess.TimeoutExpired:
-        return False, f"no answer within {CHILD_TIMEOUT_S:g} s"
-    answers = re.findall(r"^answer (.*)$", done.stdout, re.MULTILINE)
-    if answers:
-        return True, answers[-1]
+        return False, f"no result within {CHILD_TIMEOUT_S:g} s"
+    results = re.findall(r"^result (.*)$", done.stdout, re.MULTILINE)
+    if results:
+        return True, results[-1]
     return False, (done.stderr.strip().splitlines() or [f"the process ended with code {done.returncode}"])[-1]
+
+
+def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
+    # Blender leaves temporary files behind; they go with the folder.
+    with TemporaryDirectory(prefix="dipcg-", ignore_cleanup_errors=True) as folder:
+        return subprocess.run(
+            command, capture_output=True, text=True, errors="replace", timeout=CHILD_TIMEOUT_S,
+            env=os.environ | {"TMPDIR": folder},
+        )  # fmt: skip
 
 
 def _cpu_flags() -> set[str]:
@@ -180,6 +193,6 @@ def _read(path: str) -> str:
 
 
 def _line(check: Check, width: int) -> str:
-    found = textwrap.shorten(check.found, 160, placeholder=" …")
-    line = f"{'ok     ' if check.ok else 'MISSING'}  {check.name:<{width}}  {found}"
+    result = textwrap.shorten(check.result, 160, placeholder=" …")
+    line = f"{'ok     ' if check.ok else 'MISSING'}  {check.name:<{width}}  {result}"
     return line if check.ok else f"{line}\n{'':<{width + 11}}→ {check.fix}"
