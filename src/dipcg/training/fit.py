@@ -11,24 +11,24 @@ from jaxtyping import Float, Int64
 from torch import Tensor, nn
 
 from dipcg.data.shapes import load_shapes
-from dipcg.inference.classifier import Kinds, fingerprint
+from dipcg.inference.classifier import Classifier, fingerprint
 from dipcg.pipeline import Inverter
 from dipcg.training.pictures import SLOTS, Pictures
 
 BATCH, STEPS = 64, 400
 
 
-def fit(inverter: Inverter, folders: Sequence[str | Path], pictures: int = 1500, split: str = "train") -> Kinds:
+def fit(inverter: Inverter, folders: Sequence[str | Path], pictures: int = 1500, split: str = "train") -> Classifier:
     """Fit a classifier on so many augmented pictures of each data set, by cross-entropy.
 
     Raises ValueError for fewer than two data sets or an unusable one.
     """
     if len(folders) < 2:
-        raise ValueError(f"To tell kinds apart takes data sets of two generators or more, got {len(folders)}.")
+        raise ValueError(f"A classifier needs data sets of two generators or more, got {len(folders)}.")
     seen = [summaries(inverter, folder, pictures, split) for folder in folders]
     names = tuple(name for name, _ in seen)
-    summary, kind = torch.cat([found for _, found in seen]), torch.arange(len(seen)).repeat_interleave(pictures)
-    return fitted(names, fingerprint(inverter), summary, kind)
+    summary = torch.cat([found for _, found in seen])
+    return fitted(names, fingerprint(inverter), summary, torch.arange(len(seen)).repeat_interleave(pictures))
 
 
 @torch.inference_mode()
@@ -41,14 +41,19 @@ def summaries(inverter: Inverter, folder: str | Path, count: int, split: str) ->
     return generator.name, torch.cat(found)[:count].clone()
 
 
-def fitted(names: tuple[str, ...], encoder: str, summary: Float[Tensor, "n w"], kind: Int64[Tensor, " n"]) -> Kinds:
-    """A classifier of summaries whose kinds are numbered in the order of the names, by cross-entropy."""
-    layer = nn.Linear(summary.shape[1], len(names))
+def fitted(
+    names: tuple[str, ...], encoder: str, summary: Float[Tensor, "n w"], label: Int64[Tensor, " n"], seed: int = 0
+) -> Classifier:
+    """A classifier of summaries, fitted by cross-entropy; labels are positions in `names`, `seed` draws the batches."""
+    layer, rng = nn.Linear(summary.shape[1], len(names)), torch.Generator().manual_seed(seed)
+    # The loss of a linear classifier is convex, so it may start anywhere.
+    nn.init.zeros_(layer.weight)
+    nn.init.zeros_(layer.bias)
     optimiser = torch.optim.AdamW(layer.parameters(), 1e-2, weight_decay=0.1)
     for _ in range(STEPS):
-        chosen = torch.randint(len(summary), (512,))
-        loss = F.cross_entropy(layer(summary[chosen]), kind[chosen], label_smoothing=0.02)
+        chosen = torch.randint(len(summary), (512,), generator=rng)
+        loss = F.cross_entropy(layer(summary[chosen]), label[chosen], label_smoothing=0.02)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
-    return Kinds(names, encoder, layer.weight.detach(), layer.bias.detach())
+    return Classifier(names, encoder, layer.weight.detach(), layer.bias.detach())
