@@ -11,8 +11,37 @@ from dipcg.generators import load_generator
 from dipcg.surface import Maps, corner_normals
 from dipcg.workers.pool import BuildPool
 
-settings.register_profile("steady", deadline=None)  # a loaded machine is no failure
+# A loaded machine is no failure.
+settings.register_profile("steady", deadline=None)
 settings.load_profile("steady")
+
+TESTS = Path(__file__).parent
+# Markers of whole files, and of tests that do not say themselves what they start. `make fast` leaves all these out.
+MARKED = {
+    "slow": {
+        "data/test_cluster.py",
+        "evaluation/test_evaluate.py",
+        "inference/test_classifier.py",
+        "test_end_to_end.py",
+        "test_extending.py",
+        "training/test_distributed.py",
+        "training/test_recipes.py",
+        "training/test_snapshots.py",
+        "training/test_train.py",
+    },
+    "blender": {"training/test_captions.py::test_a_sentence_becomes_an_asset_with_its_picture"},
+}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests above, and those with a browser."""
+    for item in items:
+        file = item.path.relative_to(TESTS).as_posix()
+        for marker, places in MARKED.items():
+            if {file, f"{file}::{item.name}"} & places:
+                item.add_marker(marker)
+        if "browser" in getattr(item, "fixturenames", ()):
+            item.add_marker("browser")
 
 
 @pytest.fixture(scope="session")

@@ -10,6 +10,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from conftest import MARKED, TESTS
 from packaging.requirements import Requirement
 
 import dipcg
@@ -40,6 +41,12 @@ def test_each_package_is_pinned_to_a_version_in_its_range(required: Requirement)
 
 def test_each_pin_is_an_exact_public_version() -> None:
     assert all(re.fullmatch(r"[0-9][0-9a-z.]*", version) for version in pins().values())
+
+
+@pytest.mark.parametrize("place", sorted(place for places in MARKED.values() for place in places))
+def test_each_marked_test_exists(place: str) -> None:
+    file, _, name = place.partition("::")
+    assert f"def {name}" in (TESTS / file).read_text()
 
 
 def make(target: str, **settings: str) -> str:

@@ -136,6 +136,7 @@ def test_this_machine_really_has_blender() -> None:
     assert doctor.check_blender().result.startswith("4.")
 
 
+@pytest.mark.blender
 def test_nothing_heavy_is_imported_here() -> None:
     code = "import sys; from dipcg.cli import doctor; doctor.checks(); print({'torch', 'bpy'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
