@@ -3,7 +3,7 @@ FROM python:3.11-slim
 WORKDIR /dipcg
 COPY . .
 ARG TORCH=cpu
-ENV UV_CACHE_DIR=/cache UV_LINK_MODE=copy PIP_NO_CACHE_DIR=1 PATH=/dipcg/.venv/bin:$PATH
+ENV UV_CACHE_DIR=/cache UV_LINK_MODE=copy UV_COMPILE_BYTECODE=1 PIP_NO_CACHE_DIR=1 PATH=/dipcg/.venv/bin:$PATH
 # Only the installation needs the compiler.
 RUN --mount=type=cache,target=/cache --mount=type=cache,target=/var/lib/apt/lists \
     apt-get update && apt-get install -y --no-install-recommends make && \

@@ -26,7 +26,8 @@ comma := ,
 space := $() $()
 INSTALLED := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 
-# uv reads none of pip's settings, so it is given those in the environment.
+# uv reads none of pip's settings, so it is given those in the environment. Where Python may not store compiled modules,
+# each start would compile torch again, so uv does it once.
 UV_SETTINGS := $(if $(PIP_CERT),SSL_CERT_FILE='$(PIP_CERT)') \
                $(if $(PIP_INDEX_URL),UV_DEFAULT_INDEX='$(PIP_INDEX_URL)') \
                $(if $(PIP_EXTRA_INDEX_URL),UV_INDEX='$(PIP_EXTRA_INDEX_URL)') \
@@ -34,7 +35,7 @@ UV_SETTINGS := $(if $(PIP_CERT),SSL_CERT_FILE='$(PIP_CERT)') \
 UV_PROGRAM := $(or $(shell command -v uv),.uv/bin/uv)
 UV := $(strip $(UV_SETTINGS) $(UV_PROGRAM))
 UV_INSTALL := $(UV) pip install -c $(CONSTRAINTS) $(if $(filter /dev/null,$(CONSTRAINTS)),--upgrade) \
-              $(if $(TORCH),--torch-backend $(TORCH))
+              $(if $(TORCH),--torch-backend $(TORCH)) $(if $(PYTHONDONTWRITEBYTECODE),--compile-bytecode)
 
 # OpenCV, Blender's module and OpenGL without a window link to these libraries; meshoptimizer is compiled; tests of the
 # app drive a browser.
