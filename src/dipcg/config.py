@@ -110,12 +110,16 @@ class TrainConfig:
     """how many shapes of the data set's train split are used; 0 for all"""
     batch: int = 64
     """pictures in a step"""
+    optimiser: Literal["muon", "adamw"] = "muon"
+    """muon: orthogonal updates of matrices, AdamW for the rest; adamw: AdamW for all, as in the paper"""
+    matrix_rate: float = 0.02
+    """the highest learning rate of Muon"""
     learning_rate: float = 1e-3
-    """the highest learning rate"""
+    """the highest learning rate of AdamW"""
     schedule: Literal["cosine", "constant"] = "cosine"
     """cosine: the rate rises for 2 % of each stage and then falls to a hundredth; constant: as in the paper"""
     weight_decay: float = 0.02
-    """weight decay of AdamW"""
+    """weight decay, as a share of the learning rate"""
     grow: bool = True
     """begin with small pictures, which cost less, and end with pictures of the full size"""
     denoiser_share: float = 0.1

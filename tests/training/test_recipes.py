@@ -200,7 +200,7 @@ def trained(tmp_path_factory, pretrained):
 def test_a_run_of_the_recipe_learns_and_is_validated_without_a_guess(trained):
     run, losses, found = trained
     assert np.mean(losses[-10:]) < 0.8 * np.mean(losses[:5])
-    assert run.optimiser.param_groups[0]["lr"] == 1e-3
+    assert run.optimisers["adamw"].param_groups[0]["lr"] == 1e-3
     assert (found.guess_reals, found.guess_choices) == (None, None)
     assert 0 < found.sample_reals < 2
     again = Run(build_estimator(BOX.space, run.model.config), run.config, run.out, BOX)

@@ -35,18 +35,18 @@ def test_the_denoiser_comes_last(share, expected):
 
 
 def test_the_rate_rises_and_falls_in_each_stage():
-    plan = schedule(denoiser_share=0.5, learning_rate=1.0)
+    plan = schedule(denoiser_share=0.5)
     first = [plan.rate(share / 100) for share in range(50)]
     second = [plan.rate(share / 100) for share in range(50, 100)]
     assert first == pytest.approx(second)
     assert first[0] == 0
     assert max(first) > 0.95
     assert first[-1] < 0.02
-    assert {schedule(schedule="constant", learning_rate=0.3).rate(share) for share in (0.0, 0.5, 1.0)} == {0.3}
+    assert {schedule(schedule="constant").rate(share) for share in (0.0, 0.5, 1.0)} == {1.0}
 
 
 def test_without_a_guess_there_is_one_stage():
-    plan = schedule(two_stages=False, learning_rate=1.0)
+    plan = schedule(two_stages=False)
     assert plan.rate(0.95) < plan.rate(0.5) < plan.rate(0.1)
 
 

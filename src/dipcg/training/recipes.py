@@ -28,6 +28,7 @@ _PAPER = Recipe(
     TrainConfig(
         pictures=50_000_000,
         batch=128,
+        optimiser="adamw",
         learning_rate=1e-4,
         schedule="constant",
         weight_decay=0.0,

@@ -49,12 +49,12 @@ class Schedule:
         return max(STEP, STEP * round(factor * self.image_size / STEP))
 
     def rate(self, share: float) -> float:
-        """The learning rate: a rise and half a cosine for each stage, or always the same."""
+        """The learning rate as a share of the highest: a rise and half a cosine for each stage, or always 1."""
         if self.config.schedule == "constant":
-            return self.config.learning_rate
+            return 1.0
         progress = self._progress(share)
         cosine = (1 + math.cos(math.pi * progress)) / 2
-        return self.config.learning_rate * min(1.0, progress / WARM_UP) * (LEAST_RATE + (1 - LEAST_RATE) * cosine)
+        return min(1.0, progress / WARM_UP) * (LEAST_RATE + (1 - LEAST_RATE) * cosine)
 
     @property
     def _boundary(self) -> float:

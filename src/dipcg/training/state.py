@@ -1,4 +1,4 @@
-"""What a killed run goes on from, in one file: weights, their average, the optimiser and the counters."""
+"""What a killed run goes on from, in one file: weights, their average, the optimisers and the counters."""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ FREE = ("pictures", "minutes", "device", "compile", "workers")
 def save_state(
     folder: Path,
     networks: dict[str, nn.Module],
-    optimiser: torch.optim.Optimizer,
+    optimisers: dict[str, torch.optim.Optimizer],
     counters: dict[str, Any],
     config: tuple[ModelConfig, TrainConfig],
 ) -> None:
     """Write the state; a run that is killed while it writes keeps the state of before."""
     tensors = {f"{name}.{k}": v for name, network in networks.items() for k, v in network.state_dict().items()}
-    for index, entry in optimiser.state_dict()["state"].items():
-        tensors |= {f"optimiser.{index}.{k}": torch.as_tensor(v) for k, v in entry.items()}
+    for name, optimiser in optimisers.items():
+        for index, entry in optimiser.state_dict()["state"].items():
+            tensors |= {f"{name}.{index}.{k}": torch.as_tensor(v) for k, v in entry.items()}
     about = counters | {"model": asdict(config[0]), "train": asdict(config[1])}
     unfinished = folder / f"{WEIGHTS}.tmp"
     # The counters are in the same file, so that no kill leaves them of another moment than the weights.
@@ -39,11 +40,11 @@ def save_state(
 def load_state(
     folder: Path,
     networks: dict[str, nn.Module],
-    optimiser: torch.optim.Optimizer,
+    optimisers: dict[str, torch.optim.Optimizer],
     config: tuple[ModelConfig, TrainConfig],
     device: torch.device,
 ) -> dict[str, Any]:
-    """Read the state into networks and optimiser, and return the counters; none where there is no state.
+    """Read the state into networks and optimisers, and return the counters; none where there is no state.
 
     Raises ValueError with a sentence when the folder holds a run with another configuration.
     """
@@ -54,7 +55,8 @@ def load_state(
     tensors = load_file(folder / WEIGHTS, device=str(device))
     for name, network in networks.items():
         network.load_state_dict(_under(f"{name}.", tensors))
-    _load_optimiser(optimiser, _under("optimiser.", tensors))
+    for name, optimiser in optimisers.items():
+        _load_optimiser(optimiser, _under(f"{name}.", tensors))
     return counters
 
 

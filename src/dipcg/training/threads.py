@@ -5,7 +5,6 @@ Each step waits for its slowest thread, so on a machine with a busy neighbour fe
 
 from __future__ import annotations
 
-import os
 import time
 
 import psutil
@@ -21,9 +20,9 @@ class Threads:
     """Chooses the number of threads anew every `EVERY_S` seconds; a context manager that restores the old number."""
 
     def __init__(self) -> None:
-        self._most = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        # torch has counted the processors, and its users may have set a lower number.
+        self._most = torch.get_num_threads()
         self._process = psutil.Process()
-        self._before = torch.get_num_threads()
 
     def adapt(self) -> None:
         """Look at what other processes used since the last look, when that is long enough ago."""
@@ -35,12 +34,11 @@ class Threads:
         torch.set_num_threads(threads_beside(others, self._most))
 
     def __enter__(self) -> Threads:
-        torch.set_num_threads(self._most)
         self._remember(time.monotonic())
         return self
 
     def __exit__(self, *_: object) -> None:
-        torch.set_num_threads(self._before)
+        torch.set_num_threads(self._most)
 
     def _remember(self, now: float) -> None:
         self._looked, self._busy = now, self._busy_s()

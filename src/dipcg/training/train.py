@@ -24,7 +24,9 @@ from dipcg.generators import Generator
 from dipcg.model.checkpoint import load_matching, save_checkpoint
 from dipcg.model.estimators import AnyEstimator, build_estimator
 from dipcg.model.zoo import find_checkpoint
+from dipcg.training.device import choose_device, has_bfloat16
 from dipcg.training.distributed import Team
+from dipcg.training.muon import Muon, matrices
 from dipcg.training.pictures import SLOTS, USES, Batch, BatchSource, Pictures
 from dipcg.training.recipes import published_views
 from dipcg.training.schedule import Schedule
@@ -104,12 +106,10 @@ class Run:
         self.model = model.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.averaged = build_estimator(generator.space, model.config).to(self.device)
         self.averaged.load_state_dict(self.model.state_dict())
-        self.optimiser = torch.optim.AdamW(
-            self.model.parameters(), 1e-3, (0.9, 0.98), weight_decay=config.weight_decay, fused=True
-        )
+        self.optimisers = _optimisers(self.model, config)
         self.schedule = Schedule(config, _image_size(model), model.makes_guess, _grows(config, model))
         self.counters: dict[str, Any] = {"elapsed_s": 0.0, "pictures": 0, "step": 0, "best": {}}
-        self.counters |= load_state(out, self._networks, self.optimiser, self._configs, self.device)
+        self.counters |= load_state(out, self._networks, self.optimisers, self._configs, self.device)
         _compile(config, self.model, self.device)
         if self.share >= 1:
             raise ValueError(f"The run in {out} is finished; give a larger budget (--pictures) or another folder (-o).")
@@ -147,8 +147,9 @@ class Run:
     def learn(self, batch: Batch) -> float:
         """One step on one batch; raises TrainingError when the loss is not a number."""
         share = self.share
-        for group in self.optimiser.param_groups:
-            group["lr"] = self.schedule.rate(share)
+        for optimiser in self.optimisers.values():
+            for group in optimiser.param_groups:
+                group["lr"] = optimiser.defaults["lr"] * self.schedule.rate(share)
         self._set_stage(self.schedule.trains_denoiser(share))
         torch.manual_seed(self.config.seed + 1000 * self.team.rank + self.counters["step"])
         loss = self._loss(Batch(*(part.to(self.device, non_blocking=True) for part in batch)))
@@ -157,11 +158,12 @@ class Run:
                 f"The loss is {float(loss)} after {self.counters['pictures']} pictures. The last good state is kept in "
                 f"{self.out}; delete it and train with a lower --learning-rate than {self.config.learning_rate:g}."
             )
-        self.optimiser.zero_grad()
+        self.model.zero_grad()
         loss.backward()
         self.team.average(self.model.parameters())
         torch.nn.utils.clip_grad_norm_(self.model.parameters(), 1.0)
-        self.optimiser.step()
+        for optimiser in self.optimisers.values():
+            optimiser.step()
         self._average()
         self.counters["step"] += 1
         self.counters["pictures"] += self.team.size * len(batch.x)
@@ -185,7 +187,7 @@ class Run:
     def save(self) -> None:
         """Write what a killed run goes on from."""
         self.out.mkdir(parents=True, exist_ok=True)
-        save_state(self.out, self._networks, self.optimiser, self.counters, self._configs)
+        save_state(self.out, self._networks, self.optimisers, self.counters, self._configs)
 
     @property
     def _networks(self) -> dict[str, torch.nn.Module]:
@@ -225,17 +227,16 @@ class Run:
         update([ours[key] for key in floats], [theirs[key] for key in floats], step)
 
 
-def choose_device(name: str) -> torch.device:
-    """The named device, or with `auto` the GPU when there is one."""
-    return torch.device(("cuda" if torch.cuda.is_available() else "cpu") if name == "auto" else name)
-
-
-def has_bfloat16(device: torch.device) -> bool:
-    """Whether the device computes in bfloat16 rather than emulating it."""
-    if device.type == "cuda":
-        return torch.cuda.is_bf16_supported()
-    flags = Path("/proc/cpuinfo")
-    return flags.is_file() and any(name in flags.read_text() for name in ("avx512_bf16", "amx_bf16"))
+def _optimisers(model: AnyEstimator, config: TrainConfig) -> dict[str, torch.optim.Optimizer]:
+    """Muon for the matrices of encoder and denoiser, AdamW for all else; AdamW alone where it is configured."""
+    inner = [*matrices(model.encoder), *matrices(model.denoiser)] if config.optimiser == "muon" else []
+    others = [p for p in model.parameters() if all(p is not matrix for matrix in inner)]
+    decay = config.weight_decay
+    found: dict[str, torch.optim.Optimizer] = {}
+    found["adamw"] = torch.optim.AdamW(others, config.learning_rate, (0.9, 0.98), weight_decay=decay, fused=True)
+    if inner:
+        found["muon"] = Muon(inner, config.matrix_rate, decay)
+    return found
 
 
 def _compile(config: TrainConfig, model: AnyEstimator, device: torch.device) -> None:
