@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from tyro.conf import arg
+from tyro.constructors import PrimitiveConstructorSpec
 
 
 def parse_count(text: str) -> int:
@@ -20,7 +20,16 @@ def parse_count(text: str) -> int:
     return count
 
 
-Count = Annotated[int, arg(constructor=parse_count, metavar="COUNT")]
+Count = Annotated[
+    int,
+    PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="COUNT",
+        instance_from_str=lambda words: parse_count(words[0]),
+        is_instance=lambda value: isinstance(value, int),
+        str_from_instance=lambda count: [str(count)],
+    ),
+]
 
 
 @dataclass(frozen=True)

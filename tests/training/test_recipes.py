@@ -175,9 +175,12 @@ def test_flags_change_a_recipe_and_leave_the_rest_of_it(data, tmp_path, monkeypa
     words = ["train", "box", "--data", str(data), "-o", str(tmp_path)]
     main([*words, "--recipe", "small", "--batch", "8", "--augment.mask", "0.5"])
     main([*words, "--width", "24"])
+    main([*words, "--pictures", "1.5m", "--width", "24"])
     small = RECIPES["small"]
     changed = replace(small.train, batch=8, augment=replace(small.train.augment, mask=0.5))
-    assert asked == [(changed, small.model), (TrainConfig(), ModelConfig(width=24))]
+    longer = TrainConfig(pictures=1_500_000)
+    narrow = ModelConfig(width=24)
+    assert asked == [(changed, small.model), (TrainConfig(), narrow), (longer, narrow)]
     with pytest.raises(SystemExit):
         main([*words, "--recipe", "papier"])
 
