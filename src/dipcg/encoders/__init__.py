@@ -1,6 +1,10 @@
-"""What an encoder is: a file with `build(config)` returning a module from pictures to `Features`, and `image_size`.
+"""Encoders: one file each, with `build(config)` that returns a module from pictures or sentences to `Features`.
 
-The module takes `Float[Tensor, "b 3 s s"]` in [0, 1], the object on white, s = `image_size`.
+For pictures the module takes `Float[Tensor, "b 3 s s"]` in [0, 1], the object on white, s = `image_size`. An
+encoder of sentences has `image_size` 0. `Features` holds tokens, which the denoiser attends to, and one summary,
+from which the first guess is made. A pretrained encoder is no part of a checkpoint: it is held outside the module
+tree, so that it is neither trained, nor averaged, nor saved. Its weights come from a hub or from a folder. The
+default encoder is a small convolutional network that is trained together with the denoiser and needs no download.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""What a metric is: a file with `unit`, `better`, `worst` and a function `measure`.
+"""Metrics: one file for each measure of accuracy, with `unit`, `better`, `worst` and a function `measure`.
 
-`compares = "points"`, the default: `measure(a, b)` takes two sets of surface points, each prepared by `surface_points`
-with the file's own `points`. `compares = "params"`: `measure(space, truth, estimate)` takes two sets of parameters.
+`compares = "points"`, the default: `measure(a, b)` takes two sets of surface points, each made by `surface_points` with
+the file's own `points`. `compares = "params"`: `measure(space, truth, estimate)` takes two sets of parameters.
 Optional: `symmetric`, whether exchanging the two changes nothing; `variants`, further columns of the same unit and
 direction.
+`worst` is the value that a failed build counts as, so that failures worsen a mean instead of vanishing from it.
 """
 
 from __future__ import annotations
