@@ -1,4 +1,4 @@
-"""Weights in the published layout: the same numbers come out as of a plain implementation of that layout."""
+"""Converted weights: the network gives the same output as a plain implementation with the published names."""
 
 import math
 
@@ -6,6 +6,7 @@ import pytest
 import torch
 import torch.nn.functional as F
 from safetensors.torch import save_file
+from torch import Tensor
 
 from dipcg.cli import main
 from dipcg.generators import load_generator
@@ -18,7 +19,7 @@ WIDTH, DEPTH, CHANNELS = 64, 3, 32
 
 
 @pytest.fixture(scope="module")
-def published() -> dict[str, torch.Tensor]:
+def published() -> dict[str, Tensor]:
     """Random weights under the published names."""
     random = torch.Generator().manual_seed(0)
     w = WIDTH
@@ -48,19 +49,19 @@ def published() -> dict[str, torch.Tensor]:
     return {name: 0.3 * torch.randn(shape, generator=random) / max(shape) ** 0.25 for name, shape in shapes.items()}
 
 
-def plainly(p: dict[str, torch.Tensor], x: torch.Tensor, t: torch.Tensor, tokens: torch.Tensor) -> torch.Tensor:
-    """The published network written out layer by layer: `b n 2`, noise and variance."""
+def reference_network(p: dict[str, Tensor], x: Tensor, t: Tensor, tokens: Tensor) -> Tensor:
+    """The output `b n 2` of the published network, layer by layer: noise, and fraction of the log variance."""
 
-    def layer(name: str, values: torch.Tensor) -> torch.Tensor:
+    def layer(name: str, values: Tensor) -> Tensor:
         return values @ p[f"{name}.weight"].T + p[f"{name}.bias"]
 
-    def norm(values: torch.Tensor) -> torch.Tensor:
+    def norm(values: Tensor) -> Tensor:
         return (values - values.mean(-1, keepdim=True)) / (values.var(-1, unbiased=False, keepdim=True) + 1e-6).sqrt()
 
-    def gelu(values: torch.Tensor) -> torch.Tensor:
+    def gelu(values: Tensor) -> Tensor:
         return 0.5 * values * (1 + torch.tanh(math.sqrt(2 / math.pi) * (values + 0.044715 * values**3)))
 
-    def attention(q: torch.Tensor, k: torch.Tensor, v: torch.Tensor) -> torch.Tensor:
+    def attention(q: Tensor, k: Tensor, v: Tensor) -> Tensor:
         mixed = []
         for head in range(WIDTH // 32):
             part = slice(32 * head, 32 * head + 32)
@@ -89,41 +90,42 @@ def plainly(p: dict[str, torch.Tensor], x: torch.Tensor, t: torch.Tensor, tokens
     return layer("final_layer.linear", norm(h) * (1 + scale) + shift)
 
 
-def inputs(channels: int = CHANNELS) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+def inputs(channels: int = CHANNELS) -> tuple[Tensor, Tensor, Tensor]:
     random = torch.Generator().manual_seed(1)
     tokens = torch.randn(3, 17, channels, generator=random)
     return torch.randn(3, len(SPACE), generator=random), torch.tensor([0, 400, 999]), tokens
 
 
 @torch.no_grad()
-def test_converted_weights_compute_what_the_published_layout_says(published):
+def test_converted_weights_give_the_output_of_the_reference(published):
     network, config = convert(published, SPACE, "dinov2")
     x, t, tokens = inputs()
-    expected = plainly(published, x, t, tokens)
+    expected = reference_network(published, x, t, tokens)
     assert expected.std() > 0.05
-    for found, wanted in zip(network(x, t, network.keys_values(tokens)), expected.unbind(-1), strict=True):
-        torch.testing.assert_close(found, wanted, rtol=1e-4, atol=1e-4)
+    output = torch.stack(network(x, t, network.keys_values(tokens)), -1)
+    torch.testing.assert_close(output, expected, rtol=1e-4, atol=1e-4)
     assert (config.width, config.depth, config.heads, config.steps) == (WIDTH, DEPTH, WIDTH // 32, 250)
 
 
 @torch.no_grad()
-def test_the_command_makes_a_checkpoint_that_computes_the_same(published, pretrained, tmp_path, capsys):
-    save_file({f"module.{name}": value for name, value in published.items()}, tmp_path / "theirs.safetensors")
+def test_the_command_writes_a_checkpoint_with_the_same_output(published, pretrained, tmp_path, capsys):
+    save_file({f"module.{name}": value for name, value in published.items()}, tmp_path / "published.safetensors")
     words = ["-g", "box", "-o", str(tmp_path), "--encoder-weights", pretrained["dinov2"]]
-    main(["import-checkpoint", str(tmp_path / "theirs.safetensors"), *words])
+    main(["import-checkpoint", str(tmp_path / "published.safetensors"), *words])
     assert "licence is that of the people who trained them" in capsys.readouterr().out
     model, generator, card = load_checkpoint(tmp_path / "box-imported")
     assert (generator.name, card["model"]["objective"]) == ("box", "ddpm")
     x, t, tokens = inputs()
-    found = torch.stack(model.denoiser(x, t, model.denoiser.keys_values(tokens)), -1)
-    torch.testing.assert_close(found, plainly(published, x, t, tokens), rtol=0, atol=0.02)  # half precision
+    output = torch.stack(model.denoiser(x, t, model.denoiser.keys_values(tokens)), -1)
+    # The checkpoint has half precision.
+    torch.testing.assert_close(output, reference_network(published, x, t, tokens), rtol=0, atol=0.02)
 
 
-def test_what_does_not_fit_is_told(published):
-    def refused(weights: dict[str, torch.Tensor], space=SPACE) -> str:
-        with pytest.raises(CheckpointError) as told:
+def test_an_error_names_the_weights_that_do_not_fit(published):
+    def refused(weights: dict[str, Tensor], space=SPACE) -> str:
+        with pytest.raises(CheckpointError) as error:
             convert(weights, space, "dinov2")
-        return str(told.value)
+        return str(error.value)
 
     assert "for 8 parameters, and this generator has 48" in refused(published, load_generator("chair").space)
     assert "no weight 'blocks.0.attn.lora'" in refused(published | {"blocks.0.attn.lora": torch.zeros(1)})
@@ -136,9 +138,9 @@ def test_what_does_not_fit_is_told(published):
 
 
 def test_pickles_are_not_opened(tmp_path):
-    (tmp_path / "theirs.pt").write_bytes(b"\x80\x04.")
+    (tmp_path / "published.pt").write_bytes(b"\x80\x04.")
     with pytest.raises(CheckpointError, match=r"opens no pickles.*convert it once: python -c"):
-        read_weights(tmp_path / "theirs.pt")
+        read_weights(tmp_path / "published.pt")
     (tmp_path / "cut.safetensors").write_bytes(b"123")
     with pytest.raises(CheckpointError, match="cannot be read as safetensors"):
         read_weights(tmp_path / "cut.safetensors")

@@ -1,4 +1,4 @@
-"""Several pictures of one object: what they say together does not depend on their order, and outweighs one alone."""
+"""Several pictures of one object: their combined estimate does not depend on their order and is more certain."""
 
 import numpy as np
 import pytest
@@ -31,12 +31,12 @@ def pictures(count: int) -> list[np.ndarray]:
     return list(images)
 
 
-def test_one_picture_says_what_an_estimate_says(inverter):
+def test_one_view_gives_the_estimate_of_a_single_picture(inverter):
     (image,) = pictures(1)
     assert inverter.estimate_views([image], 3).candidates == inverter.estimate(image, 3).candidates
 
 
-def test_the_order_of_pictures_changes_nothing_but_the_camera(inverter):
+def test_the_order_of_pictures_changes_the_camera_alone(inverter):
     first, second, third = pictures(3)
     one, other = (inverter.estimate_views(order, 1) for order in ([first, second, third], [third, first, second]))
     for name in BOX.space.names:
@@ -44,7 +44,7 @@ def test_the_order_of_pictures_changes_nothing_but_the_camera(inverter):
     assert one.view != other.view
 
 
-def test_without_a_picture_there_is_nothing_to_estimate(inverter):
+def test_an_estimate_without_pictures_is_refused(inverter):
     with pytest.raises(ValueError, match="at least one picture"):
         inverter.estimate_views([])
 
@@ -53,23 +53,23 @@ def test_reals_are_averaged_and_the_probabilities_of_choices_multiplied(inverter
     outputs, rng = inverter.model.outputs, torch.Generator().manual_seed(0)
     raw = torch.randn(2, outputs.numbers, generator=rng)
     both = outputs(raw)
-    found = agreed(outputs, both, views=2)
+    combined = agreed(outputs, both, views=2)
     reals = BOX.space.reals
-    torch.testing.assert_close(found.mean[0, reals], both.mean[:, reals].mean(0))
-    torch.testing.assert_close(found.mean[:, -VIEW_NUMBERS:], both.mean[:, -VIEW_NUMBERS:])
+    torch.testing.assert_close(combined.mean[0, reals], both.mean[:, reals].mean(0))
+    torch.testing.assert_close(combined.mean[:, -VIEW_NUMBERS:], both.mean[:, -VIEW_NUMBERS:])
     owner = BOX.space.names.index("top")
     options = outputs.owner == owner
-    chances = torch.softmax(raw[:, outputs.dimension :][:, options], 1).prod(0)
-    expected = (chances / chances.sum() * outputs.centres[options]).sum()
-    torch.testing.assert_close(found.mean[0, owner], expected)
+    probabilities = torch.softmax(raw[:, outputs.dimension :][:, options], 1).prod(0)
+    expected = (probabilities / probabilities.sum() * outputs.centres[options]).sum()
+    torch.testing.assert_close(combined.mean[0, owner], expected)
 
 
-def test_pictures_that_agree_make_a_choice_surer(inverter):
+def test_the_same_prediction_for_several_views_is_more_certain(inverter):
     outputs = inverter.model.outputs
     raw = torch.randn(1, outputs.numbers, generator=torch.Generator().manual_seed(1)).repeat(3, 1)
     alone, together = outputs(raw), agreed(outputs, outputs(raw), views=3)
 
-    def surest(prediction: Prediction) -> torch.Tensor:
+    def highest_probability(prediction: Prediction) -> torch.Tensor:
         return outputs.log_probabilities(prediction.logits).exp()[0].amax()
 
-    assert surest(together) > surest(alone)
+    assert highest_probability(together) > highest_probability(alone)

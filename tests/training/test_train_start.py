@@ -1,4 +1,4 @@
-"""Training that begins with the weights of another checkpoint."""
+"""Training that starts with the weights of another checkpoint."""
 
 from pathlib import Path
 
@@ -16,9 +16,9 @@ TINY = ModelConfig(width=16, depth=1, heads=2, summary=16)
 
 
 def run_from(folder: Path, out: Path, generator: str, model: ModelConfig = TINY) -> Run:
-    found = load_generator(generator)
+    loaded = load_generator(generator)
     torch.manual_seed(1)
-    return Run(build_estimator(found.space, model), TrainConfig(start=str(folder), device="cpu"), out, found)
+    return Run(build_estimator(loaded.space, model), TrainConfig(start=str(folder), device="cpu"), out, loaded)
 
 
 @pytest.fixture
@@ -31,26 +31,27 @@ def saved(tmp_path) -> tuple[Path, dict[str, torch.Tensor]]:
 
 
 @pytest.mark.parametrize("generator", ["box", "table"])
-def test_a_run_begins_with_all_weights_that_fit(saved, tmp_path, generator):
+def test_a_run_starts_with_all_weights_that_fit(saved, tmp_path, generator):
     folder, weights = saved
     run = run_from(folder, tmp_path / "out", generator)
     for state in (run.model.state_dict(), run.averaged.state_dict()):
         fitting = [key for key in state if key in weights and weights[key].shape == state[key].shape]
         assert any(key.startswith("encoder.") for key in fitting)
         assert (len(fitting) == len(state)) == (generator == "box")
+        # The checkpoint has half precision.
         for key in fitting:
-            torch.testing.assert_close(state[key], weights[key], atol=2e-3, rtol=2e-3)  # stored in half precision
+            torch.testing.assert_close(state[key], weights[key], atol=2e-3, rtol=2e-3)
 
 
-def test_the_card_will_say_what_a_run_began_with(saved, tmp_path):
+def test_a_run_notes_the_checkpoint_that_it_started_from(saved, tmp_path):
     assert run_from(saved[0], tmp_path / "out", "table").about["started_from"] == {
         "checkpoint": "first",
         "pictures": 120,
     }
 
 
-def test_a_start_with_another_encoder_or_from_nothing_is_refused(saved, tmp_path):
-    with pytest.raises(CheckpointError, match="has another encoder, 'conv'; start from one with the same"):
+def test_a_start_with_another_encoder_or_without_a_checkpoint_is_refused(saved, tmp_path):
+    with pytest.raises(CheckpointError, match="has the encoder 'conv' and this network has 'sentence': start from"):
         run_from(
             saved[0], tmp_path / "out", "box", ModelConfig(encoder="sentence", width=16, depth=1, heads=2, summary=16)
         )

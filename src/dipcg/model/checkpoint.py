@@ -1,4 +1,4 @@
-"""Trained networks on disk: weights as safetensors, all else as JSON; never a pickle."""
+"""Checkpoints on disk: a folder with the weights as safetensors and a card as JSON, never a pickle."""
 
 from __future__ import annotations
 
@@ -20,14 +20,17 @@ from dipcg.space import ParameterSpace
 
 
 def save_checkpoint(folder: str | Path, model: AnyEstimator, generator: Generator, about: dict[str, Any]) -> None:
-    """Write weights (half precision) and a card with the space, the configuration and what `about` adds."""
+    """Write the weights of an estimator in half precision, and a card.
+
+    The card holds the generator, its parameter space, the configuration of the network and the entries of `about`.
+    """
     write_checkpoint(folder, model.state_dict(), model.config, generator, about)
 
 
 def write_checkpoint(
     folder: str | Path, weights: Mapping[str, Tensor], config: ModelConfig, generator: Generator, about: dict[str, Any]
 ) -> None:
-    """As `save_checkpoint`, from the weights and the configuration of a network."""
+    """Write a checkpoint as `save_checkpoint` does, from the weights and the configuration of a network."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     halves = {k: v.half() if v.is_floating_point() else v for k, v in weights.items()}
@@ -44,9 +47,10 @@ def write_checkpoint(
 
 
 def load_checkpoint(folder: str | Path) -> tuple[AnyEstimator, Generator, dict[str, Any]]:
-    """Read a checkpoint: the network in evaluation mode, its generator and its card.
+    """Read a checkpoint and return its estimator in evaluation mode, its generator and its card.
 
-    Raises CheckpointError when it is missing, damaged, or made for other parameters than the generator has now.
+    Raises CheckpointError when it is missing, damaged, or made for other parameters than the generator has now, and
+    LookupError when the generator is unknown.
     """
     folder = Path(folder)
     card = _read_card(folder)
@@ -58,16 +62,20 @@ def load_checkpoint(folder: str | Path) -> tuple[AnyEstimator, Generator, dict[s
 
 
 def load_matching(model: AnyEstimator, folder: str | Path) -> int:
-    """Load what fits by name and shape of another checkpoint; returns how many pictures its weights have seen.
+    """Load the weights of another checkpoint that have the same name and shape as in `model`.
 
-    Raises CheckpointError when it is missing or damaged, or has another encoder.
+    Returns the number of pictures that these weights were trained on, with those of the checkpoint that they started
+    from. Raises CheckpointError when the checkpoint is missing or damaged, or has another encoder.
     """
     folder = Path(folder)
-    card, theirs = _read_card(folder), _read_weights(folder / WEIGHTS)
+    card, weights = _read_card(folder), _read_weights(folder / WEIGHTS)
     other = card["model"]["encoder"]
     if other != model.config.encoder:
-        raise CheckpointError(f"{folder} has another encoder, {other!r}; start from one with the same.")
-    fitting = {k: theirs[k] for k, v in model.state_dict().items() if k in theirs and theirs[k].shape == v.shape}
+        raise CheckpointError(
+            f"{folder} has the encoder {other!r} and this network has {model.config.encoder!r}: "
+            "start from a checkpoint with the same encoder."
+        )
+    fitting = {k: weights[k] for k, v in model.state_dict().items() if k in weights and weights[k].shape == v.shape}
     model.load_state_dict(fitting, strict=False)
     return int(card.get("pictures", 0)) + int(card.get("started_from", {}).get("pictures", 0))
 

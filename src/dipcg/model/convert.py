@@ -1,4 +1,4 @@
-"""Weights in the published layout of this kind of network (PixArt-α's names) as a checkpoint of the paper's recipe.
+"""Converts weights with the published names, which are those of PixArt-α, into the network of the paper's recipe.
 
 Only tensors are read, from safetensors; no pickle is ever opened.
 """
@@ -19,14 +19,19 @@ from dipcg.model.zoo import CheckpointError
 from dipcg.space import ParameterSpace
 
 Weights = dict[str, Tensor]
-HEAD = 32  # numbers in an attention head: the paper's 192 over 6
-WRAPPINGS = ("module.", "model.", "ema.")  # what training scripts put before every name
-UNUSED = ("y_embedder.y_embedding",)  # stands for "no picture", which is never asked for here
+# The width of an attention head in the paper: 192 channels over 6 heads.
+HEAD_WIDTH = 32
+# Training scripts may put one of these before the name of every weight.
+PREFIXES = ("module.", "model.", "ema.")
+# The embedding of an absent picture serves classifier-free guidance, which this package does not use.
+UNUSED = ("y_embedder.y_embedding",)
+# The owner of a pickle runs this line, because this package opens no pickle.
 TO_SAFETENSORS = (
     'python -c "import sys, torch; from safetensors.torch import save_file; '
     "w = torch.load(sys.argv[1], map_location='cpu', weights_only=True); w = w.get('ema', w.get('model', w)); "
     'save_file({k: v.contiguous() for k, v in w.items()}, sys.argv[2])" FILE weights.safetensors'
 )
+# Patterns of the published names, and the names in `DiT`. `_split` then divides `qkv`.
 _NAMES = {
     r"x_embedder\.(?:proj\.)?(weight|bias)": r"enter.\1",
     r"pos_embed": "position",
@@ -48,9 +53,9 @@ _NAMES = {
 
 
 def read_weights(path: Path) -> Weights:
-    """Tensors of a safetensors file, without what a training script put before their names.
+    """The tensors of a safetensors file by name, without the prefix of a training script.
 
-    Raises CheckpointError for any other file, with the line that converts a pickle where its maker is trusted.
+    Raises CheckpointError for any other file, with the line that converts a pickle from a trusted source.
     """
     if path.suffix != ".safetensors":
         raise CheckpointError(
@@ -58,22 +63,22 @@ def read_weights(path: Path) -> Weights:
             f"If you trust its maker, convert it once: {TO_SAFETENSORS}"
         )
     try:
-        found = load_file(path)
+        weights = load_file(path)
     except (OSError, SafetensorError) as error:
         raise CheckpointError(f"{path} cannot be read as safetensors ({error}).") from None
-    for wrapping in WRAPPINGS:
-        if found and all(name.startswith(wrapping) for name in found):
-            found = {name.removeprefix(wrapping): value for name, value in found.items()}
-    return found
+    for prefix in PREFIXES:
+        if weights and all(name.startswith(prefix) for name in weights):
+            weights = {name.removeprefix(prefix): value for name, value in weights.items()}
+    return weights
 
 
 def convert(
     published: Weights, space: ParameterSpace, encoder: str, heads: int | None = None
 ) -> tuple[DiT, ModelConfig]:
-    """The network with these weights, for the parameters of a space in their published order.
+    """The network with these weights and its configuration; the parameters of `space` are in their published order.
 
-    `heads` cannot be read from weights; left out, they have 32 numbers each, as in the paper. Raises CheckpointError
-    with what does not fit.
+    The shapes of the weights do not show the number of attention heads. Without `heads` each has 32 channels, as in the
+    paper. Raises CheckpointError that lists the weights that do not fit.
     """
     weights = _renamed(published)
     try:
@@ -81,7 +86,7 @@ def convert(
     except KeyError as error:
         raise CheckpointError(f"The weights have no {error}; they are not of the published layout.") from None
     depth = len({name.split(".")[1] for name in weights if name.startswith("blocks.")})
-    heads = heads or max(1, width // HEAD)
+    heads = heads or max(1, width // HEAD_WIDTH)
     config = ModelConfig(encoder, width=width, depth=depth, heads=heads, summary=0, objective="ddpm", steps=250)
     network = DiT(len(space), channels, config)
     _check_shapes(weights, network, space)
@@ -93,7 +98,7 @@ def _renamed(published: Weights) -> Weights:
     weights: Weights = {}
     for name, value in published.items():
         if name not in UNUSED:
-            weights |= _split(_our_name(name), value.float())
+            weights |= _split(_network_name(name), value.float())
     for name in [name for name in weights if name.endswith("shift")]:
         weights[name] = weights[name].flatten(0, -2)[:, None]
     if "enter.weight" in weights:
@@ -103,15 +108,15 @@ def _renamed(published: Weights) -> Weights:
     return weights
 
 
-def _our_name(name: str) -> str:
-    for pattern, ours in _NAMES.items():
+def _network_name(name: str) -> str:
+    for pattern, replacement in _NAMES.items():
         if re.fullmatch(pattern, name):
-            return re.sub(pattern, ours, name)
+            return re.sub(pattern, replacement, name)
     raise CheckpointError(f"The published layout has no weight {name!r}; this file is of another network.")
 
 
 def _split(name: str, value: Tensor) -> Weights:
-    """Queries apart from keys and values, which are computed ahead for cross-attention and share the code."""
+    """The weight under its name, or `qkv` as one weight for queries and one for keys and values, as in `Attention`."""
     if ".qkv." not in name:
         return {name: value}
     third = len(value) // 3
@@ -128,13 +133,9 @@ def _check_shapes(weights: Weights, network: DiT, space: ParameterSpace) -> None
     missing = sorted(wanted.keys() - weights.keys())
     unlike = [f"{k} {tuple(v.shape)}" for k, v in weights.items() if k in wanted and v.shape != wanted[k].shape]
     unknown = sorted(weights.keys() - wanted.keys())
-    if missing or unlike or unknown:
-        told = "; ".join(f"{what} {', '.join(names[:3])}" for what, names in _problems(missing, unlike, unknown))
-        raise CheckpointError(f"The weights do not fit the paper's network: {told}.")
+    problems = {"missing are": missing, "of another shape are": unlike, "unknown are": unknown}
+    if any(problems.values()):
+        listed = "; ".join(f"{problem} {', '.join(names[:3])}" for problem, names in problems.items() if names)
+        raise CheckpointError(f"The weights do not fit the paper's network: {listed}.")
     if not all(torch.isfinite(value).all() for value in weights.values()):
         raise CheckpointError("The weights are not all finite numbers; the file is damaged.")
-
-
-def _problems(missing: list[str], unlike: list[str], unknown: list[str]) -> list[tuple[str, list[str]]]:
-    told = [("missing are", missing), ("of another shape are", unlike), ("unknown are", unknown)]
-    return [(what, names) for what, names in told if names]

@@ -1,6 +1,8 @@
-"""The network: encoder, first guess, and the paper's transformer with one token per parameter.
+"""The denoiser of the default objective: a transformer with one token for each entry of `x`, and its outputs.
 
-Besides the parameters, the camera is denoised as four more tokens (`camera.encode_view`). `x` below has both.
+In this file `x` holds the parameters and the four numbers of the camera (`camera.encode_view`), which are denoised
+together. Shapes: `b` rows, `d` entries of `x`, `k` options of all choices, `n` = d + k raw outputs, `t` tokens of the
+encoder with `c` channels, `s` numbers in its summary, `w` channels in the denoiser.
 """
 
 from __future__ import annotations
@@ -18,12 +20,13 @@ from dipcg.config import ModelConfig
 from dipcg.encoders import Features
 from dipcg.space import Choice, ParameterSpace
 
+# The keys and values of the cross-attention, one pair for each block.
 KeysValues = list[tuple[Tensor, Tensor]]
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """A guess at the clean `x`: the expectation of every entry, and a logit per option of every choice."""
+    """A prediction of the clean `x`: the expectation of each entry, and a logit for each option of each choice."""
 
     mean: Float[Tensor, "b d"]
     logits: Float[Tensor, "b k"]
@@ -31,20 +34,26 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Condition:
-    """All that the denoiser needs of a picture, computed once and not per step."""
+    """The input of the denoiser that depends on the picture alone and is computed once for all steps."""
 
     keys_values: KeysValues
     summary: Float[Tensor, "b w"]
     guess: Float[Tensor, "b n"]
+    """raw outputs of the first guess"""
 
     def repeat(self, times: int) -> Condition:
-        """Each picture `times` times in a row."""
+        """The condition with each row repeated `times` times, the copies of a row next to each other."""
         pairs = [(k.repeat_interleave(times, 0), v.repeat_interleave(times, 0)) for k, v in self.keys_values]
         return Condition(pairs, self.summary.repeat_interleave(times, 0), self.guess.repeat_interleave(times, 0))
 
 
 class Outputs(nn.Module):
-    """Turns raw network outputs into a `Prediction`: reals bounded, choices as categories over pieces of [-1, 1]."""
+    """Turns raw outputs into a `Prediction`: tanh bounds real parameters, and a softmax gives the options of a choice.
+
+    An option of a choice stands for an interval of [-1, 1]. `centres` has the centre of the interval of each option,
+    `owner` the index in `x` of each option's choice, `is_choice` which entries of `x` are choices, and `numbers` is
+    the number of raw outputs.
+    """
 
     centres: Tensor
     owner: Tensor
@@ -64,23 +73,24 @@ class Outputs(nn.Module):
         self.numbers = self.dimension + len(owner)
 
     def forward(self, raw: Float[Tensor, "b n"]) -> Prediction:
+        """The prediction from raw outputs: `d` numbers for the entries of `x`, then `k` logits."""
         raw = raw.float()
         real, logits = torch.tanh(raw[:, : self.dimension]), raw[:, self.dimension :]
         return Prediction(torch.where(self.is_choice, self.expect(logits), real), logits)
 
     def expect(self, logits: Float[Tensor, "b k"]) -> Float[Tensor, "b d"]:
-        """The expectation of each choice as `x`, 0 for reals."""
+        """The expectation of each choice as an entry of `x`, and 0 for the other entries."""
         return self._sum(self.log_probabilities(logits).exp() * self.centres)
 
     def log_probabilities(self, logits: Float[Tensor, "b k"]) -> Float[Tensor, "b k"]:
-        """A log softmax over the options of each choice."""
+        """The log softmax of the logits over the options of each choice."""
         highest = logits.new_full((len(logits), self.dimension), -torch.inf)
         highest = highest.scatter_reduce_(1, self.owner.expand_as(logits), logits.detach(), "amax")
         logits = logits - highest[:, self.owner]
         return logits - self._sum(logits.exp()).clamp_min(1e-30).log()[:, self.owner]
 
     def modes(self, prediction: Prediction) -> Float[Tensor, "b d"]:
-        """The likeliest option of each choice and the expectation of each real."""
+        """The most probable option of each choice and the expectation of each other entry of `x`."""
         x = prediction.mean.clone()
         for i in self.owner.unique().tolist():
             options = (self.owner == i).nonzero().flatten()
@@ -88,27 +98,29 @@ class Outputs(nn.Module):
         return x
 
     def choice_targets(self, x: Float[Tensor, "b d"]) -> Float[Tensor, "b k"]:
-        """1 for the option of each choice that lies nearest to `x`, 0 for the others."""
+        """The one-hot targets of the choices: 1 for the option whose interval contains `x`, 0 for the others."""
         width = 2 / self._sum(torch.ones_like(self.centres)[None]).clamp_min(1)[:, self.owner]
+        # The margin keeps a value on the border of two intervals from being in both after rounding.
         return ((x[:, self.owner] - self.centres).abs() < width / 2 - 1e-6).float()
 
     def _sum(self, values: Float[Tensor, "b k"]) -> Float[Tensor, "b d"]:
+        """The sum over the options of each choice, and 0 for the other entries of `x`."""
         return values.new_zeros(len(values), self.dimension).index_add_(1, self.owner, values)
 
 
 class Denoiser(nn.Module):
-    """A diffusion transformer with cross-attention (paper, eq. 2; Peebles & Xie 2023; adaLN-single of PixArt-α).
+    """A diffusion transformer with cross-attention that predicts a correction of the first guess.
 
-    It corrects the first guess: what it reads from its tokens is added to the guess's raw numbers, and is 0 at first.
+    Its output is added to the raw outputs of the first guess and is 0 before training. Sources: the paper, equation 2;
+    Peebles & Xie 2023; adaLN-single of PixArt-α (Chen et al. 2023).
     """
 
     def __init__(self, outputs: Outputs, config: ModelConfig, channels: int) -> None:
         super().__init__()
         d, w = outputs.dimension, config.width
         self.outputs, self.heads = outputs, config.heads
-        self.scale = nn.Parameter(
-            torch.randn(3, d, w) * 0.5
-        )  # of a token's noisy value, guess, and whether it is given
+        # Weights of the three inputs of each token: noisy value, first guess, and whether the value is fixed.
+        self.scale = nn.Parameter(torch.randn(3, d, w) * 0.5)
         self.offset = nn.Parameter(torch.randn(d, w) * 0.5)
         self.project = nn.Sequential(nn.Linear(channels, w), nn.GELU(approximate="tanh"), nn.Linear(w, w))
         self.summary = nn.Linear(config.summary, w)
@@ -120,15 +132,19 @@ class Denoiser(nn.Module):
         self.read_options = nn.Parameter(torch.zeros(len(outputs.owner), w))
 
     def condition(self, features: Features, guess: Float[Tensor, "b n"]) -> Condition:
+        """The condition of a picture from the features of the encoder and the raw outputs of the first guess."""
         tokens = self.project(features.tokens)
         pairs = [block.cross.keys_values(tokens) for block in self.blocks]  # type: ignore[union-attr]
         return Condition(pairs, self.summary(features.summary), guess)
 
     def forward(
-        self, x: Float[Tensor, "b d"], t: Float[Tensor, " b"], given: Bool[Tensor, "b d"], condition: Condition
+        self, x: Float[Tensor, "b d"], t: Float[Tensor, " b"], fixed_mask: Bool[Tensor, "b d"], condition: Condition
     ) -> Prediction:
-        """Predict the clean end from `x` at time `t` (0 noise, 1 clean); `given` entries are clean already."""
-        inputs = torch.stack([x, self.outputs(condition.guess).mean, given.to(x.dtype)], -1)
+        """Predict the clean `x` from the noisy `x` at time `t` (0 noise, 1 clean).
+
+        The entries under `fixed_mask` have their clean values at every time.
+        """
+        inputs = torch.stack([x, self.outputs(condition.guess).mean, fixed_mask.to(x.dtype)], -1)
         hidden = torch.einsum("bdi,idw->bdw", inputs, self.scale) + self.offset
         signal = self.time(sinusoids(t, 256)) + condition.summary
         modulation = self.modulation(signal).unflatten(1, (6, 1, -1))
@@ -141,7 +157,7 @@ class Denoiser(nn.Module):
 
 
 class Block(nn.Module):
-    """Self-attention among parameters, cross-attention to the picture, and an MLP, modulated by time and summary."""
+    """Self-attention among the tokens, cross-attention to the picture and an MLP, modulated by time and summary."""
 
     def __init__(self, width: int, heads: int) -> None:
         super().__init__()
@@ -159,7 +175,7 @@ class Block(nn.Module):
 
 
 class Attention(nn.Module):
-    """Multi-head attention whose keys and values can be computed ahead."""
+    """Multi-head attention whose keys and values can be computed before the queries."""
 
     def __init__(self, width: int, heads: int) -> None:
         super().__init__()
@@ -168,6 +184,7 @@ class Attention(nn.Module):
         self.output = nn.Linear(width, width)
 
     def keys_values(self, tokens: Float[Tensor, "b t w"]) -> tuple[Tensor, Tensor]:
+        """The keys and the values of the tokens, each of shape `b heads t w/heads`."""
         keys, values = self.pairs(tokens).chunk(2, -1)
         return self._split(keys), self._split(values)
 
@@ -180,7 +197,8 @@ class Attention(nn.Module):
 
 
 def attend(queries: Tensor, keys: Tensor, values: Tensor) -> Tensor:
-    """Softmax attention; spelled out when a CPU trains, where the fused kernel's bfloat16 backward is slow."""
+    """Scaled dot-product attention (Vaswani et al. 2017, section 3.2); all shapes are `b heads tokens channels`."""
+    # On a CPU the backward pass of the fused kernel in bfloat16 is slower than that of plain matrix products.
     if queries.is_cuda or not torch.is_grad_enabled():
         return F.scaled_dot_product_attention(queries, keys, values)
     scores = (queries * queries.shape[-1] ** -0.5) @ keys.transpose(-2, -1)
@@ -188,7 +206,7 @@ def attend(queries: Tensor, keys: Tensor, values: Tensor) -> Tensor:
 
 
 def sinusoids(t: Float[Tensor, " b"], width: int) -> Float[Tensor, "b {width}"]:
-    """Sine and cosine features of a time in [0, 1] (Vaswani et al. 2017)."""
+    """Cosines, then sines, of a time in [0, 1] at `width` / 2 frequencies (Vaswani et al. 2017, section 3.5)."""
     rates = torch.exp(-math.log(10_000) * torch.arange(width // 2, device=t.device) / (width // 2))
     angles = 1000 * t[:, None].float() * rates
     return torch.cat([angles.cos(), angles.sin()], 1)

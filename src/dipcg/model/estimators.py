@@ -106,7 +106,7 @@ class PaperEstimator(nn.Module):
 
         def predict(x: Tensor, t: Tensor) -> tuple[Tensor, Tensor]:
             found, where = self.denoiser(x, t, condition.keys_values)
-            return torch.where(given, ddpm.noise_in(x, known, every.at(t)), found), where
+            return torch.where(given, ddpm.noise_from_clean(x, known, every.at(t)), found), where
 
         return self.prediction(ddpm.sample(predict, noise[:, :numbers], steps, _follows_from(noise)))
 

@@ -1,4 +1,4 @@
-"""Where trained checkpoints are found, without loading one."""
+"""The folders of the checkpoints that ship and of those that `dipcg train` writes, without loading one."""
 
 from __future__ import annotations
 
@@ -7,14 +7,19 @@ from typing import Literal
 
 from dipcg import registry
 
+# The two files of a checkpoint.
 WEIGHTS, CARD = "model.safetensors", "card.json"
-# Where `dipcg train` puts checkpoints unless another folder is named.
+# `dipcg train` writes checkpoints here unless another folder is named.
 RUNS = Path("runs")
+# The checkpoints that ship with the package, one folder for each generator.
 SHIPPED = Path(__file__).parents[1] / "checkpoints"
-# The checkpoints that read text instead of pictures.
+# The shipped checkpoints that take sentences instead of pictures.
 WORDS = SHIPPED / "words"
 
+# The input of a checkpoint.
 Reads = Literal["pictures", "text"]
+# In an error, the words for such a checkpoint, and the flag that trains one.
+_WORDING = {"pictures": ("trained checkpoint", ""), "text": ("checkpoint that reads words", " --encoder sentence")}
 
 
 class CheckpointError(ValueError):
@@ -22,15 +27,15 @@ class CheckpointError(ValueError):
 
 
 def shipped(reads: Reads = "pictures") -> list[str]:
-    """Names of the generators with a checkpoint in the package."""
+    """The names of the generators that have a checkpoint in the package."""
     return sorted(card.parent.name for card in _home(reads).glob(f"*/{CARD}"))
 
 
 def find_checkpoint(name: str, reads: Reads = "pictures") -> Path:
-    """The folder of a checkpoint: the path itself, or the one that ships for the generator of this name.
+    """The folder of a checkpoint: `name` itself if it is one, or the shipped checkpoint of the generator `name`.
 
-    For the path of a generator's file it is the one that `dipcg train` made for it in this folder. Raises LookupError
-    for the name of no generator, and CheckpointError when it has no checkpoint.
+    For the path of a generator's file it is the folder that `dipcg train` writes for this file by default. Raises
+    LookupError for an unknown generator, and CheckpointError when the generator has no checkpoint.
     """
     own_file = registry.is_path(name)
     for folder in (RUNS / Path(name).stem,) if own_file else (Path(name), _home(reads) / name):
@@ -43,10 +48,6 @@ def find_checkpoint(name: str, reads: Reads = "pictures") -> Path:
         f"There is no {what} for {name!r} (shipped: {', '.join(shipped(reads)) or 'none'}). "
         f"Make one with `dipcg train {name} --data DIR{flag}`, or give its folder."
     )
-
-
-# What an error calls such a checkpoint, and the flag that trains one.
-_WORDING = {"pictures": ("trained checkpoint", ""), "text": ("checkpoint that reads words", " --encoder sentence")}
 
 
 def _home(reads: Reads) -> Path:
