@@ -1,1 +1,1 @@
-"""What every plugin promises, checked for whatever the registry finds."""
+"""Contracts of plug-ins: properties that each registered generator, encoder and metric must have."""

@@ -1,4 +1,4 @@
-"""What every encoder promises, checked for whatever the registry finds."""
+"""The contract of encoders, checked for each registered encoder."""
 
 import pytest
 import torch
@@ -9,7 +9,8 @@ from dipcg.config import ModelConfig
 from dipcg.encoders import Features, build_encoder
 
 CONFIG = {"width": 16, "depth": 1, "heads": 2, "summary": 24}
-TOLERANCE = {"rtol": 1e-4, "atol": 1e-4}  # convolutions of other batch sizes add in another order
+# Convolutions add in an order that depends on the batch size.
+TOLERANCE = {"rtol": 1e-4, "atol": 1e-4}
 
 
 @pytest.fixture(scope="module", params=registry.names("encoders"))
@@ -22,7 +23,7 @@ def encoder(request, pretrained) -> nn.Module:
 
 @pytest.fixture(scope="module")
 def images(encoder) -> Tensor:
-    """Pictures, or the tokens of sentences for an encoder that sees no picture."""
+    """Three random pictures, or random tokens for an encoder of sentences."""
     size = encoder.image_size
     shape = (3, 3, size, size) if size else (3, 12, encoder.channels)
     return torch.rand(shape, generator=torch.Generator().manual_seed(0))
@@ -42,7 +43,7 @@ def test_tokens_and_summary_have_the_declared_shapes(encoder, features):
     assert features.summary.shape == (3, CONFIG["summary"])
 
 
-def test_features_are_finite_floats_on_the_processor_of_the_pictures(features):
+def test_features_are_finite_floats_on_the_device_of_the_pictures(features):
     for part in features:
         assert part.dtype == torch.float32
         assert part.device.type == "cpu"
@@ -61,13 +62,13 @@ def test_the_same_pictures_have_the_same_features(encoder, images, features):
 
 
 @torch.no_grad()
-def test_batch_mates_have_no_influence(encoder, images, features):
+def test_features_do_not_depend_on_the_rest_of_the_batch(encoder, images, features):
     for i in range(len(images)):
-        for among, alone in zip(features, encoder(images[i : i + 1]), strict=True):
-            torch.testing.assert_close(alone[0], among[i], **TOLERANCE)
+        for batch, single in zip(features, encoder(images[i : i + 1]), strict=True):
+            torch.testing.assert_close(single[0], batch[i], **TOLERANCE)
 
 
 def test_the_summary_trains_with_the_model(encoder, images):
-    """At least its last layer: the first guess is read from it alone."""
+    """The summary has at least one trained layer, because the first guess depends on the summary alone."""
     encoder(images).summary.square().sum().backward()
     assert any(weight.grad is not None and weight.grad.abs().max() > 0 for weight in encoder.parameters())

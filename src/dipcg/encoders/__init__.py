@@ -23,36 +23,38 @@ from dipcg.images import over_white
 
 
 class Features(NamedTuple):
-    """What the denoiser sees of a picture: tokens to attend to and one summary of all."""
+    """The output of an encoder: tokens for the cross-attention of the denoiser, and one summary of each picture."""
 
     tokens: Float[Tensor, "b t c"]
     summary: Float[Tensor, "b s"]
 
 
 class Encoder(Protocol):
-    """A module with the number of channels of its tokens and the side of the pictures it wants."""
+    """A module from pictures, or from the tokens of sentences, to `Features`."""
 
     channels: int
+    """the number of channels of a token"""
     image_size: int
+    """the side of the pictures in pixels; 0 for an encoder of sentences"""
 
     def __call__(self, images: Float[Tensor, "b 3 s s"]) -> Features: ...
 
 
 def build_encoder(config: ModelConfig) -> nn.Module:
-    """Build the encoder that the configuration names; raises LookupError for an unknown one."""
+    """Build the encoder `config.encoder`. Raises LookupError when there is no encoder of this name."""
     return registry.load("encoders", config.encoder).build(config)
 
 
 def encoder_input(picture: UInt8[np.ndarray, "s s 4"]) -> Float[Tensor, "1 3 s s"]:
-    """A prepared picture as an encoder takes it: on white, channels first, in [0, 1]."""
+    """The input of an encoder from a prepared picture: on white, channels first, in [0, 1]."""
     return torch.from_numpy(over_white(picture)).permute(2, 0, 1)[None].float() / 255
 
 
 def feature_distance(encoder: nn.Module, photo: UInt8[np.ndarray, "s s 4"]) -> Callable[[np.ndarray], float]:
-    """How far a render is from a photo in an encoder's eyes: 1 less the cosine of their tokens, averaged over places.
+    """A function from a render to its feature distance from a photo, 1 minus the mean cosine similarity of the tokens.
 
-    Both have the encoder's `image_size` and are cropped to the object. The paper's score for MCMC (section 4.1), which
-    says "feature distance" and no more.
+    Both pictures have the encoder's `image_size` and are cropped to the object. Source: the score of MCMC in the paper
+    (section 4.1), which states "feature distance" without a formula; the cosine is our choice.
     """
 
     @torch.inference_mode()
@@ -60,5 +62,5 @@ def feature_distance(encoder: nn.Module, photo: UInt8[np.ndarray, "s s 4"]) -> C
         return encoder(encoder_input(image)).tokens
 
     encoder.eval()
-    wanted = tokens(photo)
-    return lambda render: float(1 - torch.cosine_similarity(tokens(render), wanted, dim=-1).mean())
+    target = tokens(photo)
+    return lambda render: float(1 - torch.cosine_similarity(tokens(render), target, dim=-1).mean())

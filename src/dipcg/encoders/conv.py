@@ -1,4 +1,4 @@
-"""A small residual network trained together with the denoiser: the default, needs nothing from a hub."""
+"""The default encoder: a small residual network, trained together with the denoiser, that needs no download."""
 
 from __future__ import annotations
 
@@ -9,21 +9,24 @@ from torch import Tensor, nn
 from dipcg.config import ModelConfig
 from dipcg.encoders import Features
 
-# (channels, blocks) at a quarter, an eighth and a sixteenth of the side.
+# The channels and the number of blocks at a quarter, an eighth and a sixteenth of the picture's side.
 STAGES = ((64, 2), (128, 2), (192, 2))
-# The last map is pooled to this many cells a side, whatever the size of the picture.
+# The last map is pooled to a grid of this side, so that pictures of all sizes give the same number of tokens.
 GRID = 8
 
 
 def build(config: ModelConfig) -> nn.Module:
-    """Raises ValueError when the pictures' side cannot be halved four times."""
+    """The encoder for pictures of `config.image_size` pixels a side. Raises ValueError for no multiple of 16."""
     if config.image_size < 16 or config.image_size % 16:
         raise ValueError(f"The image size of the conv encoder is a multiple of 16, got {config.image_size}.")
     return ConvEncoder(config.summary, config.image_size)
 
 
 class ConvEncoder(nn.Module):
-    """A ResNet (He et al. 2016) of three stages, whose last map becomes 64 tokens, and flattened a summary."""
+    """A ResNet (He et al. 2016) of three stages.
+
+    The 64 cells of its last map are the tokens, and a projection of the whole map is the summary.
+    """
 
     # Training may use pictures of other sizes than `image_size`.
     any_size = True
@@ -50,6 +53,8 @@ class ConvEncoder(nn.Module):
 
 
 class _Block(nn.Module):
+    """The basic residual block of He et al. 2016, with pooling in the skip connection of a block with a stride."""
+
     def __init__(self, before: int, channels: int, stride: int) -> None:
         super().__init__()
         self.first = nn.Sequential(

@@ -1,4 +1,7 @@
-"""DINOv2 ViT-B/14, the paper's (Oquab et al. 2023): 256 patch tokens of 768 numbers, frozen; from a hub or a folder."""
+"""DINOv2 ViT-B/14 (Oquab et al. 2023), the encoder of the paper: 256 patch tokens of 768 channels, frozen.
+
+The weights come from a hub or from a folder.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,12 @@ from torch import nn
 from dipcg.config import ModelConfig
 from dipcg.encoders._pretrained import PretrainedEncoder, pretrained
 
+# The name of the weights on the hub.
 HUB = "facebook/dinov2-base"
-MEAN, SPREAD = [0.485, 0.456, 0.406], [0.229, 0.224, 0.225]  # ImageNet's
+# The mean and the standard deviation of the colour channels in ImageNet, with which DINOv2 was trained.
+MEAN, DEVIATION = [0.485, 0.456, 0.406], [0.229, 0.224, 0.225]
 
 
 def build(config: ModelConfig) -> nn.Module:
-    return PretrainedEncoder(pretrained("Dinov2Model", config.encoder_weights or HUB), config, MEAN, SPREAD)
+    """The encoder for pictures of 224 pixels a side. Raises RuntimeError when its weights are missing."""
+    return PretrainedEncoder(pretrained("Dinov2Model", config.encoder_weights or HUB), config, MEAN, DEVIATION)
