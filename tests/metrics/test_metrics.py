@@ -1,4 +1,4 @@
-"""The metrics against closed forms and brute force."""
+"""The metrics compared with closed forms and brute force."""
 
 import itertools
 
@@ -66,8 +66,8 @@ def test_concentric_spheres_differ_by_their_radii():
     assert emd.measure(0.5 * direction, 0.4 * direction) == pytest.approx(0.1)
 
 
-def test_chamfer_of_crossed_rods_is_half_a_side_and_worst_is_worse():
-    # The nearest point of the other rod is the crossing: the mean of |t| over half a side, twice.
+def test_chamfer_of_crossed_rods_is_half_a_side_and_below_the_worst_value():
+    # The crossing is the nearest point of the other rod, so each direction has the mean of |t| over half a side.
     value = chamfer.measure(rod(0), rod(1))
     assert value == pytest.approx(0.5, abs=0.001)
     assert value < chamfer.worst
@@ -83,7 +83,7 @@ def test_chamfer_agrees_with_brute_force_on_sets_of_different_size():
     assert squared_chamfer.measure(a, b) == pytest.approx(expected)
 
 
-def test_emd_is_the_best_of_all_matchings():
+def test_emd_is_the_minimum_over_all_matchings():
     a, b = random_points(6, 3), random_points(6, 4)
     matchings = itertools.permutations(range(6))
     assert emd.measure(a, b) == pytest.approx(min(np.linalg.norm(a - b[list(m)], axis=1).mean() for m in matchings))
@@ -92,57 +92,59 @@ def test_emd_is_the_best_of_all_matchings():
 def test_emd_prices_do_not_change_the_optimum():
     from scipy.optimize import linear_sum_assignment
 
-    for squash in (1.0, 0.01):  # two boxes, and two plates at a right angle, where prices matter most
-        a, b = random_points(250, 5) * [1, 1, squash], random_points(250, 6) * [1, squash, 1]
+    # Two boxes, and two plates at a right angle, where prices matter most.
+    for thickness in (1.0, 0.01):
+        a, b = random_points(250, 5) * [1, 1, thickness], random_points(250, 6) * [1, thickness, 1]
         distance = cdist(a, b)
         assert emd.measure(a, b) == pytest.approx(distance[linear_sum_assignment(distance)].mean(), abs=1e-12)
 
 
-def test_emd_of_points_on_a_line_is_that_of_the_sorted_coordinates():
+def test_emd_of_points_on_a_line_is_the_mean_difference_of_sorted_coordinates():
     a, b = np.zeros((500, 3)), np.zeros((500, 3))
     a[:, 0], b[:, 0] = random_points(500, 7)[:, 0], random_points(500, 8)[:, 0] ** 3
     assert emd.measure(a, b) == pytest.approx(np.abs(np.sort(a[:, 0]) - np.sort(b[:, 0])).mean())
 
 
-def test_emd_sees_density_where_chamfer_does_not():
+def test_emd_depends_on_density_and_chamfer_does_not():
     dense_left = np.concatenate([plane(0.0), np.repeat(plane(0.0)[:1], 900, axis=0)])
     dense_right = np.concatenate([plane(0.0), np.repeat(plane(0.0)[-1:], 900, axis=0)])
     assert chamfer.measure(dense_left, dense_right) == 0
     assert emd.measure(dense_left, dense_right) == pytest.approx(np.sqrt(2) / 2, abs=1e-9)
 
 
-def test_fscore_counts_what_is_closer_than_the_threshold():
+def test_fscore_counts_points_closer_than_the_threshold():
     a, b = plane(0.0), plane(0.015)
     assert fscore.measure(a, b) == pytest.approx(1)
     assert fscore.measure(a, b, threshold=0.01) == 0
-    both = np.concatenate([a, plane(10.0)])  # precision one half, recall one
+    # The precision is one half and the recall is one.
+    both = np.concatenate([a, plane(10.0)])
     assert fscore.measure(both, b) == pytest.approx(2 / 3)
 
 
-def test_fscore_variants_are_its_other_thresholds():
+def test_fscore_variants_have_other_thresholds():
     a, b = plane(0.0), plane(0.03)
     columns = {column.name: column.measure(a, b) for column in load_metric("fscore").columns}
     assert columns == pytest.approx({"fscore": 0, "fscore@0.01": 0, "fscore@0.05": 1})
 
 
-def test_wide_fscore_measures_in_twice_the_frame():
+def test_wide_fscore_has_its_threshold_in_half_sides():
     assert wide_fscore.measure(plane(0.0), plane(0.049)) == pytest.approx(1)
     assert wide_fscore.measure(plane(0.0), plane(0.051)) == 0
     assert wide_fscore.measure_at_0_2(plane(0.0), plane(0.099)) == pytest.approx(1)
 
 
-def test_quarter_turns_are_found_and_undone():
+def test_the_best_quarter_turn_undoes_a_quarter_turn():
     shape = random_points(500, 9) * [1, 0.5, 0.2] + [0.1, 0.2, 0]
     for turns in range(4):
         turned = chamfer.quarter_turn(shape, turns)
         np.testing.assert_array_equal(chamfer.best_quarter_turn(turned, shape), shape)
 
 
-def test_a_quarter_turn_takes_x_to_y():
+def test_a_quarter_turn_maps_x_to_y():
     np.testing.assert_array_equal(chamfer.quarter_turn(np.array([[1.0, 0.0, 5.0]]), 1), [[0, 1, 5]])
 
 
-def test_surface_points_fall_by_area():
+def test_surface_points_are_distributed_by_area():
     (v1, f1), (v2, f2) = square(1.0), square(2.0, offset=10.0)
     points = sample_surface(make_mesh(np.concatenate([v1, v2]), np.concatenate([f1, f2 + 4])), 20_000, _rng())
     assert (points[:, 0] > 5).mean() == pytest.approx(4 / 5, abs=0.01)
@@ -155,18 +157,18 @@ def test_surface_points_are_uniform_over_a_triangle():
     assert (y >= 0).all()
     assert (x + y <= 1 + 1e-9).all()
     assert (z == 0).all()
-    # Of the triangle, the corner beyond x = 1/2 is a quarter; the centroid is a third of the way.
+    # A quarter of the triangle lies beyond x = 1/2, and the centroid is at 1/3 on both axes.
     assert (x > 0.5).mean() == pytest.approx(0.25, abs=0.01)
     np.testing.assert_allclose(points.mean(0), [1 / 3, 1 / 3, 0], atol=0.01)
 
 
-def test_surface_points_follow_the_seed():
+def test_surface_points_depend_on_the_seed():
     mesh = make_mesh(*square(1.0))
     np.testing.assert_array_equal(sample_surface(mesh, 50, _rng()), sample_surface(mesh, 50, _rng()))
     assert not np.array_equal(sample_surface(mesh, 50, _rng()), sample_surface(mesh, 50, _rng(1)))
 
 
-def test_normalised_shapes_do_not_depend_on_place_and_size():
+def test_normalised_shapes_do_not_depend_on_position_and_size():
     vertices, faces = square(1.0)
     a = surface_points(make_mesh(vertices, faces), 100, _rng())
     b = surface_points(make_mesh(vertices * 3 + [5, -2, 7], faces), 100, _rng())
@@ -176,7 +178,7 @@ def test_normalised_shapes_do_not_depend_on_place_and_size():
     assert np.ptp(points, axis=0).max() == pytest.approx(1)
 
 
-def test_vertices_of_no_face_do_not_count():
+def test_vertices_without_a_face_are_ignored():
     vertices, faces = square(1.0)
     stray = make_mesh(np.concatenate([vertices, [[100, 100, 100]]]), faces)
     np.testing.assert_allclose(normalise(stray).vertices[:4], normalise(make_mesh(vertices, faces)).vertices, atol=1e-6)
@@ -190,7 +192,8 @@ def test_shapes_without_extent_are_refused():
 
 
 def test_parameter_error_is_the_mean_over_active_reals():
-    estimate = TALL | {"width": 2.0, "height": 0.75}  # 1 and 0.5 away in x
+    # The errors in x are 1 and 0.5.
+    estimate = TALL | {"width": 2.0, "height": 0.75}
     assert parameter_error.measure(SPACE, TALL, estimate) == pytest.approx(0.75)
     assert parameter_error.measure(SPACE, TALL, TALL) == 0
     short = SPACE.canonical(TALL | {"tall": False})
@@ -203,19 +206,19 @@ def test_choice_accuracy_is_the_share_of_active_choices():
     assert choice_accuracy.measure(SPACE, short, short | {"top": "none"}) == 1
 
 
-def test_per_parameter_errors_name_what_is_active_in_the_truth():
+def test_per_parameter_errors_cover_the_parameters_that_are_active_in_the_truth():
     errors = parameter_error.per_parameter(SPACE, TALL, TALL | {"width": 0.0, "top": "round"})
     assert errors == pytest.approx({"width": 1.0, "height": 0.0, "tall": 0.0, "top": 1.0})
     short = SPACE.canonical(TALL | {"tall": False})
     assert list(parameter_error.per_parameter(SPACE, short, TALL)) == ["width", "tall"]
 
 
-def test_a_space_without_the_kind_has_no_error_rather_than_a_good_one():
+def test_a_space_without_choices_or_reals_has_nan_and_not_a_good_value():
     assert np.isnan(choice_accuracy.measure(ParameterSpace(Real("a", 0.0, 1.0)), {"a": 0.5}, {"a": 0.5}))
     assert np.isnan(parameter_error.measure(ParameterSpace(Choice("a", (1, 2))), {"a": 1}, {"a": 1}))
 
 
-def test_a_metric_file_that_declares_too_little_is_refused(tmp_path):
+def test_a_metric_file_without_a_declaration_is_refused(tmp_path):
     (tmp_path / "bare.py").write_text("unit = 'm'\n")
     with pytest.raises(ValueError, match="must define measure, better, worst"):
         load_metric(str(tmp_path / "bare.py"))
