@@ -1,15 +1,17 @@
 """Infinigen's basket with the paper's 14 parameters.
 
-A thin adapter: Infinigen makes its node graph once in each process, and a build sets values on the graph's nodes. The
-graph ends in a boolean: a box minus its inside, two sets of bars for the holes and one bar for the handles. Here the
-graph gives these solids alone and Manifold cuts them one after the other: the same surface, many times faster.
+A thin adapter: Infinigen makes its node graph once in each process, and a build sets values on the nodes of the graph.
+The graph ends in a boolean: a box minus its inside, two sets of bars for the holes and one bar for the handles. The
+adapter reads these solids from the graph, and Manifold subtracts them one after the other, which gives the same surface
+many times faster.
 
-Oddities:
-- Infinigen leaves the boolean's solver at Blender 4.2's default, which is not exact: rounded baskets come out with a
-  lid, others with bars that stick out. Here it is what Blender's exact solver gives.
-- The factory cuts no holes into baskets below 0.12 m. Here they get them, or the parameters of holes would do nothing
-  for a fifth of all baskets. Holes come in whole rows and columns, none where a wall has no room between its edge gaps.
-- A basket turned by 180°, or mirrored, is the same basket. Nothing is drawn while it is built.
+Differences from Infinigen:
+- Infinigen uses the default solver of Blender 4.2 for the boolean, which is not exact: a rounded basket can have a lid,
+  and bars can stick out. Here the surface equals the result of Blender's exact solver.
+- The factory cuts no holes into baskets lower than 0.12 m. Here they have holes, because the parameters of the holes
+  would otherwise have no effect on a fifth of all baskets. Holes form whole rows and columns. A wall that has no room
+  for one between its edges has none.
+- A basket turned by 180°, or mirrored, is the same basket. A build draws no random numbers.
 
 Sources: Infinigen Indoors (Raistrick et al. 2024) for the factory, DI-PCG's published parameters for list and ranges,
 Manifold (Lalish 2020-2025, PyPI `manifold3d`) for the boolean.
@@ -52,20 +54,13 @@ space = ParameterSpace(
     Real("handle_height", 0.1, 0.3, unit="of height", doc="height of an opening", group="handle", when=_HANDLE),
     Real("handle_dist_to_top", 0.08, 0.4, unit="of height", doc="wall above an opening", group="handle", when=_HANDLE),
     Choice("has_holes", _OFF_ON, doc="small square holes in all four walls", group="holes"),
-    Real("hole_gap_size", 0.5, 2.0, unit="of hole size", doc="least wall between holes", group="holes", when=_HOLES),
-    Real(
-        "hole_edge_gap",
-        0.04,
-        0.1,
-        unit="m",
-        doc="both edges, where no holes are",
-        group="holes",
-        when=_HOLES,
-    ),
+    Real("hole_gap_size", 0.5, 2.0, unit="of hole size", doc="least gap between holes", group="holes", when=_HOLES),
+    Real("hole_edge_gap", 0.04, 0.1, unit="m", doc="edges without holes, both together", group="holes", when=_HOLES),
     Real("hole_size", 0.007, 0.02, unit="m", doc="side of a hole", group="holes", when=_HOLES),
 )
-views = ViewRange(azimuth_deg=(-90, 90), elevation_deg=(0, 60))  # every side there is
-_CORNER = ViewRange(azimuth_deg=(-45, 45), elevation_deg=(0, 60))
+# Half a turn shows all sides, because a basket turned by 180° is the same basket.
+views = ViewRange(azimuth_deg=(-90, 90), elevation_deg=(0, 60))
+_QUARTER_TURN = ViewRange(azimuth_deg=(-45, 45), elevation_deg=(0, 60))
 needs = ("infinigen", "bpy", "manifold3d")
 recycle_after = 1000
 
@@ -73,13 +68,16 @@ _MODULE = "infinigen.assets.objects.organizer.basket"
 
 
 def views_of(params: Params) -> ViewRange:
-    """Without handles, another basket with width and depth exchanged looks the same after a quarter turn."""
-    return views if params["has_handle"] else _CORNER
+    """Half a turn with handles, and a quarter turn without.
+
+    A basket without handles looks like one with width and depth exchanged that is turned by 90°.
+    """
+    return views if params["has_handle"] else _QUARTER_TURN
 
 
 @functools.cache
 def prepare() -> Any:
-    """Import Infinigen and make the graph of every build, as an object that shows one solid of it."""
+    """Import Infinigen and make the node graph that all builds use, as an object."""
     import manifold3d  # noqa: F401
 
     module = import_infinigen(_MODULE)
@@ -90,19 +88,21 @@ def prepare() -> Any:
 
 
 def build(params: Params) -> Mesh:
+    """The full mesh of the basket, which stands on the floor."""
     obj, p = prepare(), dict[str, Any](params)
     _set_values(obj, _attributes(p))
     frame, *cutters = (_solid(obj, socket) for socket in _sockets(graph_of(obj), p))
-    mesh = functools.reduce(_less, cutters, frame).to_mesh()
+    mesh = functools.reduce(_subtract, cutters, frame).to_mesh()
     vertices = mesh.vert_properties + np.array([0, 0, p["height"] / 2])
     return make_mesh(vertices, mesh.tri_verts, part_names=("frame",))
 
 
-def _less(solid: Any, cutter: Any) -> Any:
-    """Cut now: put off, Manifold would unite the cutters first, and bars cross a hundred times inside the basket."""
-    cut = solid - cutter
-    cut.num_tri()
-    return cut
+def _subtract(solid: Any, cutter: Any) -> Any:
+    difference = solid - cutter
+    # Reading the result makes Manifold evaluate it now. Evaluated later, it would first unite the cutters, whose bars
+    # cross a hundred times inside the basket.
+    difference.num_tri()
+    return difference
 
 
 def _solid(obj: Any, socket: Any) -> Any:
@@ -110,11 +110,12 @@ def _solid(obj: Any, socket: Any) -> Any:
 
     _, vertices, faces = read_socket("frame", obj, socket)
     solid = manifold3d.Manifold(manifold3d.Mesh(np.ascontiguousarray(vertices), faces.astype(np.uint32)))
-    return solid.simplify(0.0)  # of triangles that lie in one plane, which would be cut one by one
+    # Triangles in one plane are merged, because each of them would be cut alone.
+    return solid.simplify(0.0)
 
 
 def _sockets(graph: Any, p: Any) -> Iterator[Any]:
-    """Where the graph has the solid box, its inside, and what else is cut out of it."""
+    """The sockets of the graph with the solid box, and then with its inside, its holes and its handles."""
     boolean = find_node(graph, "MESH_BOOLEAN")
     yield boolean.inputs["Mesh 1"].links[0].from_socket
     cutters = [link.from_socket for link in boolean.inputs["Mesh 2"].links]
@@ -134,6 +135,7 @@ def _set_values(obj: Any, attributes: dict[str, Any]) -> None:
     obj.update_tag()
 
 
+# The labels of the nodes that hold a value, by the names in `_attributes`.
 _LABELS = {name: name for name in ("depth", "width", "height", "thickness", "hole_edge_gap", "hole_size")} | {
     "hole_gap_size": "gap_size",
     "handle_depth": "hole_depth",
@@ -143,7 +145,7 @@ _LABELS = {name: name for name in ("depth", "width", "height", "thickness", "hol
 
 
 def _attributes(p: Any) -> dict[str, Any]:
-    """What the factory calls the same, in metres."""
+    """The parameters with the factory's names for them, and lengths in metres."""
     return dict(p) | {
         "handle_depth": p["handle_depth"] * p["depth"],
         "handle_height": p["handle_height"] * p["height"],

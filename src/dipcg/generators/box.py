@@ -1,4 +1,4 @@
-"""A box with an optional lid and legs: the toy that runs the whole path in seconds, in NumPy alone."""
+"""A box with an optional lid and legs, made by NumPy alone: a small generator for tests and first trials."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ space = ParameterSpace(
 )
 views = ViewRange(azimuth_deg=(-60.0, 60.0), elevation_deg=(5.0, 45.0))
 
-LEG = 0.06  # metres
+# The width of a leg and the thickness of a wall, in metres.
+LEG = 0.06
 WALL = 0.03
 
 _CORNERS = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], float)
@@ -31,14 +32,15 @@ _TRIANGLES = np.concatenate([_QUADS[:, [0, 1, 2]], _QUADS[:, [0, 2, 3]]])
 
 
 def build(params: Params) -> Mesh:
+    """The mesh of the box, which stands on the floor and is centred on the origin along x and y."""
     width, depth, height = (float(params[name]) for name in ("width", "depth", "height"))
     base = float(params["leg_height"]) if params["has_legs"] else 0.0
-    pieces = [("body", *piece) for piece in _body(width, depth, height, base, open_top=params["top"] == "open")]
+    parts = [("body", *block) for block in _body(width, depth, height, base, open_top=params["top"] == "open")]
     if params["top"] != "open":
-        pieces.append(("lid", *_lid(params, width, depth, base + height)))
+        parts.append(("lid", *_lid(params, width, depth, base + height)))
     if params["has_legs"]:
-        pieces += [("leg", *_block(x, y, 0, LEG, LEG, base)) for x in (0, width - LEG) for y in (0, depth - LEG)]
-    mesh = join(pieces)
+        parts += [("leg", *_block(x, y, 0, LEG, LEG, base)) for x in (0, width - LEG) for y in (0, depth - LEG)]
+    mesh = join(parts)
     return Mesh(
         mesh.vertices - np.array([width / 2, depth / 2, 0], np.float32), mesh.faces, mesh.parts, mesh.part_names
     )

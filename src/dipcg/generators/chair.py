@@ -1,11 +1,15 @@
 """Infinigen's chair with the paper's 48 parameters.
 
-A thin adapter: it sets attributes of `ChairFactory` and calls the factory's own methods, part by part. Where the
-factory draws a number while it builds (the smoothness of the back, where the seat is widest), the middle of its range
-is taken. The published pair `leg_offset_bar` is one range for both kinds of bars in the factory; here
-`leg_offset_bar0` is the height of the y bars and `leg_offset_bar1` of the x bars. `arm_height` does nothing when
-`is_leg_round`, which gives arms that are tubes. Faces and parts of two builds are equal; some dozen beveled vertices
-differ by up to 3e-8 m, because Blender's bevel adds numbers in an order that depends on memory.
+A thin adapter: it sets attributes of `ChairFactory` and calls the factory's own methods, part by part.
+
+What the parameters do:
+- Where the factory draws a number during a build (the smoothness of the back, the widest place of the seat), the
+  adapter uses the middle of its range.
+- The published pair `leg_offset_bar` is one range for both kinds of bars in the factory. Here `leg_offset_bar0` is the
+  height of the y bars and `leg_offset_bar1` of the x bars.
+- `arm_height` has no effect with `is_leg_round`, because the arms are tubes then.
+- Faces and parts of two builds are equal. Some dozen bevelled vertices differ by up to 3e-8 m, because Blender's bevel
+  adds numbers in an order that depends on memory addresses.
 
 Sources: Infinigen Indoors (Raistrick et al. 2024) for the factory, DI-PCG's published parameters for list and ranges.
 """
@@ -37,7 +41,8 @@ from dipcg.space import Choice, ParameterSpace, Params, Real
 _SLANTED = {"leg_type": ("straight", "up-curved", "down-curved")}
 _CURVED = {"leg_type": ("up-curved", "down-curved")}
 _ARM = {"has_arm": (True,)}
-_FLAT_ARM = {"has_arm": (True,), "is_leg_round": (False,)}  # round-legged chairs get tubes for arms
+_FLAT_ARM = {"has_arm": (True,), "is_leg_round": (False,)}
+_X_BAR, _Y_BAR = {"has_leg_x_bar": (True,)}, {"has_leg_y_bar": (True,)}
 _PARTIAL = {"back_type": ("partial",)}
 _SLATS = {"back_type": ("horizontal-bar",)}
 _SPINDLES = {"back_type": ("vertical-bar",)}
@@ -60,30 +65,14 @@ space = ParameterSpace(
     Choice(
         "is_leg_round",
         _OFF_ON,
-        doc="Infinigen's name: beveled square legs and tubes for arms; else tubes for legs and flat arms",
+        doc="True: square legs and tubes for arms; False: tubes for legs and flat arms (Infinigen's name)",
         group="leg",
     ),
     Choice("leg_type", ("vertical", "straight", "up-curved", "down-curved"), doc="shape of the legs", group="leg"),
     Choice("has_leg_x_bar", _OFF_ON, doc="bars between left and right legs", group="bar"),
     Choice("has_leg_y_bar", _OFF_ON, doc="bars between front and back legs", group="bar"),
-    Real(
-        "leg_offset_bar0",
-        0.1,
-        0.9,
-        unit="of leg height",
-        doc="y bars below the seat",
-        group="bar",
-        when={"has_leg_y_bar": (True,)},
-    ),
-    Real(
-        "leg_offset_bar1",
-        0.1,
-        0.9,
-        unit="of leg height",
-        doc="x bars below the seat",
-        group="bar",
-        when={"has_leg_x_bar": (True,)},
-    ),
+    Real("leg_offset_bar0", 0.1, 0.9, unit="of leg height", doc="y bars below the seat", group="bar", when=_Y_BAR),
+    Real("leg_offset_bar1", 0.1, 0.9, unit="of leg height", doc="x bars below the seat", group="bar", when=_X_BAR),
     Real("leg_x_offset", 0.0, 0.2, unit="of width", doc="feet outwards", group="leg", when=_SLANTED),
     Real("leg_y_offset0", 0.0, 0.2, unit="of depth", doc="back feet backwards", group="leg", when=_SLANTED),
     Real("leg_y_offset1", 0.0, 0.2, unit="of depth", doc="front feet forwards", group="leg", when=_SLANTED),
@@ -175,6 +164,7 @@ space = ParameterSpace(
 )
 views = ViewRange(azimuth_deg=(-180, 180), elevation_deg=(-5, 50))
 needs = ("infinigen", "bpy")
+# Blender becomes slower with each build of a chair.
 recycle_after = 250
 
 _MODULE = "infinigen.assets.objects.seating.chairs.chair"
@@ -182,26 +172,28 @@ _MODULE = "infinigen.assets.objects.seating.chairs.chair"
 
 @functools.cache
 def prepare() -> Any:
-    """Import Infinigen and make the one factory that every build of this process sets up anew."""
+    """Import Infinigen and make the factory that all builds of this process use."""
     module = import_infinigen(_MODULE)
     with silence():
         return module.ChairFactory(0)
 
 
 def build(params: Params) -> Mesh:
+    """The full mesh of the chair."""
     return _build(params, contextlib.nullcontext())
 
 
 def build_light(params: Params) -> Mesh:
-    """Tubes of 12 sides and not 32, bevels of 2 steps and not 8, half the points on the outline of the seat, straight
-    limbs without points between their ends, no subdivision that leaves the shape as it is.
+    """A coarser mesh: tubes of 12 sides instead of 32, bevels of 2 steps instead of 8, half the points of the seat.
 
-    One armchair in twenty differs from the full one by 2 to 3 % of its side at the ends of its arms: those end at the
-    outermost point of the seat, which the upper and the lower edge contend for by a fraction of a millimetre.
+    Straight limbs have no points between their ends, and a subdivision that leaves the shape as it is is omitted. One
+    armchair in twenty differs from the full one by 2 to 3 % of its side at the ends of its arms. They end at the
+    outermost point of the seat, and its upper and lower edge are equally far out up to a fraction of a millimetre.
     """
     factory, module = prepare(), import_infinigen(_MODULE)
     tube, subdivide, line, solidify = module.geo_radius, module.subsurf, module.bezier_curve, type(factory).solidify
-    arm = -float(params["arm_y"]) * float(params["size"]) if params["has_arm"] else None  # where arms end on the seat
+    # The point of the outline at which the arms end must remain.
+    arm = -float(params["arm_y"]) * float(params["size"]) if params["has_arm"] else None
 
     def thin(obj: Any, axis: int, thickness: float | None = None) -> Any:
         dissolve_straight(obj)
@@ -221,14 +213,14 @@ def _build(params: Params, detail: contextlib.AbstractContextManager[None]) -> M
     clean_blender()
     for name, value in _attributes(params).items():
         setattr(factory, name, value)
-    # The factory marks faces for its materials with a node graph each; the pieces say the same for nothing.
+    # The factory marks faces for its materials with one node graph each, but the parts already carry their names.
     marks = replaced(module, uniform=middle, write_attribute=lambda *args, **settings: None)
     with silence(), marks, detail:
         return join(list(_pieces(factory, params)))
 
 
 def _pieces(factory: Any, p: Params) -> Iterator[Piece]:
-    """The parts in the order in which the factory needs them: bars and panels follow the centre lines of thin limbs."""
+    """The parts, in an order in which bars and panels get the centre lines of limbs that have no thickness yet."""
     seat, legs, backs = factory.make_seat(), factory.make_legs(), factory.make_backs()
     bars = [*_bars(factory, legs, "x", p), *_bars(factory, legs, "y", p)]
     arms = factory.make_arms(seat, backs) if p["has_arm"] else []
@@ -240,7 +232,7 @@ def _pieces(factory: Any, p: Params) -> Iterator[Piece]:
 
 
 def _bars(factory: Any, legs: list[Any], axis: str, p: Any) -> list[Any]:
-    """The bars along one axis alone, since the factory draws the heights of both from one range."""
+    """The bars along one axis alone, because the factory draws the heights of both from one range."""
     for other in ("x", "y"):
         setattr(factory, f"has_leg_{other}_bar", other == axis and p[f"has_leg_{axis}_bar"])
     height = p["leg_offset_bar1" if axis == "x" else "leg_offset_bar0"]
@@ -249,7 +241,7 @@ def _bars(factory: Any, legs: list[Any], axis: str, p: Any) -> list[Any]:
 
 
 def _attributes(p: Any) -> dict[str, Any]:
-    """Attributes of the factory, in its units, from the parameters in theirs."""
+    """The attributes of the factory, in its own units, from the parameters."""
     same = [name for name in space.names if name not in _TRANSLATED and not name.startswith("back_profile")]
     slanted = p["leg_type"] != "vertical"
     widest = p["seat_back"] + p["seat_mid"] * (1 - p["seat_back"])
@@ -269,6 +261,7 @@ def _attributes(p: Any) -> dict[str, Any]:
     }
 
 
+# Parameters with other units than the factory's attribute of the same name, or without such an attribute.
 _TRANSLATED = {
     *("bevel_width", "arm_height", "arm_y", "arm_z", "arm_mid0", "arm_mid1", "arm_mid2", "arm_profile0"),
     *("arm_profile1", "leg_x_offset", "leg_y_offset0", "leg_y_offset1", "back_x_offset", "back_y_offset"),
@@ -277,7 +270,7 @@ _TRANSLATED = {
 
 
 def _back_profile(p: Any) -> list[tuple[float, float]]:
-    """Spans of the back's height that are filled."""
+    """The spans of the back that are filled, as shares of its height."""
     match p["back_type"]:
         case "partial":
             return [(p["back_profile_partial"], 1.0)]

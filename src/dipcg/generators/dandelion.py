@@ -1,21 +1,22 @@
 """Infinigen's dandelion with the paper's 15 parameters.
 
-A thin adapter: Infinigen makes its node graph once in each process, and a build sets values on the graph's nodes. The
-seed is the same on every head, so the graph places small frames of axes where it would place seeds, and NumPy puts the
-one seed into each frame: the same points, without millions of faces passing through Blender.
+A thin adapter: Infinigen makes its node graph once in each process, and a build sets values on the nodes of the graph.
+All seeds have the same shape, so that the graph places small frames of axes in place of seeds, and NumPy puts a copy of
+the seed into each frame. The points are the same, and Blender does not handle millions of faces.
 
-Oddities:
+Differences from Infinigen:
 - Seeds are missing where both their row and their column lie between two bounds. The factory computes both bounds of
-  the columns from `col_less_than`, so nothing lies between them, and all four parameters did nothing. Here each is the
-  bound that its name says, and where the bound above lies below the other, seeds are missing outside, not nowhere.
-- Infinigen cuts bounds to whole rows and columns. Here they are not, so that a small change shows sooner.
-- Which other seeds are missing depends on nothing but their place: they are numbers of Blender's random node. So a
-  mirrored head is no head of this generator.
+  the columns from `col_less_than`, so that nothing lies between them and all four parameters have no effect. Here each
+  parameter is the bound that its name states. If the lower bound is above the upper one, the seeds outside are missing.
+- Infinigen rounds the bounds down to whole rows and columns. Here they are not rounded, so that smaller changes have an
+  effect.
+- Blender's random node decides from the place alone which other seeds are missing. Therefore a mirrored head is not a
+  head of this generator.
 - `transform_scale` is negative, as in Infinigen: heads are point reflections, and faces are turned to look outwards.
-- Draws in the factory are at the middle of their ranges: a full head has three of four seeds, the core has a radius of
-  35 mm times the scale and 0.65 of it in height, all seeds are straight and of one shape.
-- The thorns of a seed, half a millimetre and a thousand to each, have four sides and not 32; its round top, 12 and not
-  64: a head has up to 7 million triangles then, and not 27.
+- The middle of the range replaces each draw of the factory: a full head has three quarters of the seeds, the core has a
+  radius of 35 mm times the scale and 0.65 of it as its height, and all seeds are straight and have one shape.
+- The thorns of a seed, about a thousand with a length of half a millimetre, have 4 sides instead of 32, and its round
+  top has 12 instead of 64. A head then has up to 7 million triangles instead of 27 million.
 
 Sources: Infinigen (Raistrick et al. 2023) for the factory, DI-PCG's published parameters for list and ranges.
 """
@@ -48,12 +49,12 @@ from dipcg.space import Choice, ParameterSpace, Params, Real
 _SPARSE = {"flower_mode": ("sparse_flower",)}
 
 space = ParameterSpace(
-    Choice("flower_mode", ("full_flower", "no_flower", "sparse_flower"), doc="how many seeds", group="seed"),
-    Real("random_dropout", 0.2, 0.6, unit="share", doc="of the seeds that are there", group="seed", when=_SPARSE),
-    Real("row_less_than", 0.0, 1.0, unit="of rings", doc="seeds miss in rows below this …", group="seed", when=_SPARSE),
-    Real("col_less_than", 0.0, 1.0, unit="of segments", doc="… and columns before this …", group="seed", when=_SPARSE),
-    Real("row_great_than", 0.0, 1.0, unit="of rings", doc="… and rows above this …", group="seed", when=_SPARSE),
-    Real("col_great_than", 0.0, 1.0, unit="of segments", doc="… and columns after this", group="seed", when=_SPARSE),
+    Choice("flower_mode", ("full_flower", "no_flower", "sparse_flower"), doc="amount of seeds", group="seed"),
+    Real("random_dropout", 0.2, 0.6, unit="share", doc="seeds that are present", group="seed", when=_SPARSE),
+    Real("row_less_than", 0.0, 1.0, unit="of rings", doc="highest missing row", group="seed", when=_SPARSE),
+    Real("col_less_than", 0.0, 1.0, unit="of segments", doc="highest missing column", group="seed", when=_SPARSE),
+    Real("row_great_than", 0.0, 1.0, unit="of rings", doc="lowest missing row", group="seed", when=_SPARSE),
+    Real("col_great_than", 0.0, 1.0, unit="of segments", doc="lowest missing column", group="seed", when=_SPARSE),
     Real("bezier_middle_x", -0.6, 0.6, unit="m", doc="middle of the stem's curve, along x", group="stem"),
     Real("bezier_middle_y", -0.6, 0.6, unit="m", doc="middle of the stem's curve, along y", group="stem"),
     Real("bezier_end_x", -0.6, 0.6, unit="m", doc="end of the stem, along x", group="stem"),
@@ -64,20 +65,24 @@ space = ParameterSpace(
     Real("stem_map_range", 0.1, 0.6, unit="of stem_radius", doc="radius at the head; 0.4 at the foot", group="stem"),
     Real("stem_radius", 0.01, 0.03, unit="m", doc="of the stem", group="stem"),
 )
-views = ViewRange(azimuth_deg=(-30, 30), elevation_deg=(-15, 40))  # a turned stem is another stem: 0 and 0 published
+# A turned stem is a stem with other parameters, so the range is narrow; the paper has the azimuth and the elevation 0.
+views = ViewRange(azimuth_deg=(-30, 30), elevation_deg=(-15, 40))
 mirrors = None
 needs = ("infinigen", "bpy")
-light_faces = 25_000  # 64 for each of up to 358 seeds: simplified any further, a head is no longer fluffy
+# A head has up to 358 seeds of 64 triangles, and simplifying them further would remove its fluff.
+light_faces = 25_000
 
 _MODULE = "infinigen.assets.objects.grassland.dandelion"
-_FILAMENTS = 40  # of a seed
-_FULL_HEAD = 0.75  # of the seeds: the middle of what the factory draws
+# The number of filaments of a seed.
+_FILAMENTS = 40
+# The share of seeds that a full head has: the middle of the range of the factory.
+_FULL_HEAD = 0.75
 _SHARES = ("random_dropout", "row_less_than", "col_less_than", "row_great_than", "col_great_than")
 
 
 @functools.cache
 def prepare() -> Any:
-    """Import Infinigen and make the graph of every build, as an object that shows one part of it, and the seed."""
+    """Import Infinigen; make the node graph that all builds use, as an object, and a full and a light seed."""
     module = import_infinigen(_MODULE)
     with silence(), _middle_draws(module):
         make = module.node_utils.to_nodegroup("dandelion")(module.geometry_dandelion_nodes)
@@ -100,11 +105,12 @@ def _middle_draws(module: Any) -> Iterator[None]:
 
 
 def build(params: Params) -> Mesh:
+    """The full mesh of the dandelion."""
     return join(list(_pieces(params, light=False)))
 
 
 def build_light(params: Params) -> Mesh:
-    """Stems of 8 sides and not 32, seeds of some sixty triangles."""
+    """A coarser mesh: the stem has 8 sides instead of 32, and a seed has 64 triangles."""
     return join(list(_pieces(params, light=True)))
 
 
@@ -115,27 +121,28 @@ def _pieces(p: Any, light: bool) -> Iterator[Piece]:
     _set_head(graph, p)
     obj.update_tag()
     yield read_socket("stem", obj, find_node(graph, "nodegroup_stem_geometry").outputs[0])
+    # The core has faces, and the frames are the vertices without a face, four for each.
     _, vertices, faces = read_socket("head", obj, find_node(graph, "nodegroup_flower_on_stem").outputs[0])
     in_core = np.zeros(len(vertices), bool)
     in_core[faces] = True
     frames = vertices[~in_core].reshape(-1, 4, 3)
-    yield "core", vertices[in_core], _outwards(vertices[in_core], (np.cumsum(in_core) - 1)[faces])
+    yield "core", vertices[in_core], _facing_outwards(vertices[in_core], (np.cumsum(in_core) - 1)[faces])
     if len(frames):
         vertices, faces = seeds[light]
-        yield "seed", *_in_frames(vertices, faces, frames)
+        yield "seed", *_instances(vertices, faces, frames)
 
 
-def _outwards(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """The faces of a closed surface, all turned if they look inwards."""
+def _facing_outwards(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """The faces of a closed surface, all reversed if the enclosed volume is negative."""
     a, b, c = (vertices[faces[:, i]] - vertices[0] for i in range(3))
     return faces if np.sum(a * np.cross(b, c)) > 0 else faces[:, ::-1]
 
 
-# The head: frames of axes where seeds are to be
+# The head: a frame of axes in place of each seed
 
 
 def _place_axes(obj: Any) -> None:
-    """Have the graph put the axes at each place of a seed, as a point at the origin with edges to three others."""
+    """Make the graph place axes instead of seeds; axes are a vertex at the origin with edges to three others."""
     graph = graph_of(obj)
     obj.data.from_pydata(np.concatenate([np.zeros((1, 3)), np.eye(3)]), [(0, 1), (0, 2), (0, 3)], [])
     graph.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
@@ -143,8 +150,8 @@ def _place_axes(obj: Any) -> None:
     graph.links.new(given, find_node(graph, "nodegroup_flower_geometry").inputs["Instance"])
 
 
-def _in_frames(vertices: np.ndarray, faces: np.ndarray, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Copies of a mesh in frames: points that its origin and its three unit vectors are moved to."""
+def _instances(vertices: np.ndarray, faces: np.ndarray, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Copies of a mesh, one in each frame `4 3`: the images of its origin and of its three unit vectors."""
     origins, axes = frames[:, :1], frames[:, 1:] - frames[:, :1]
     turned = faces if np.linalg.det(axes[0]) > 0 else faces[:, ::-1]
     starts = np.arange(len(frames), dtype=np.int32) * np.int32(len(vertices))
@@ -175,7 +182,7 @@ def _set_head(graph: Any, p: Any) -> None:
 
 
 def _set_gap(chosen: Any, operation: str, below: float, above: float) -> None:
-    """Set where seeds are missing, in rows, which are quotients in the graph, or columns, which are remainders."""
+    """Set the bounds of the missing rows, which are quotients in the graph, or columns, which are remainders."""
     number = next(node for node in chosen.nodes if node.type == "MATH" and node.operation == operation)
     for comparison in (link.to_node for link in number.outputs[0].links):
         comparison.inputs[1].default_value = below if comparison.operation == "LESS_THAN" else above
@@ -186,11 +193,11 @@ def _set_value(node: Any, value: float) -> None:
     node.outputs[0].default_value = value
 
 
-# The seed, one for all heads, standing on the origin
+# The seed, the same for all heads, with its foot at the origin
 
 
 def _full_seed(seed: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Infinigen's seed; only its thorns and the knob at its top have fewer sides."""
+    """Infinigen's seed, whose thorns and round top have fewer sides."""
     tree = graph_of(seed)
     set_node(find_node(_tree(tree, "end_geometry"), "MESH_PRIMITIVE_CONE"), {"Vertices": 4})
     set_node(find_node(_tree(tree, "head_geometry"), "MESH_PRIMITIVE_UV_SPHERE"), {"Segments": 12, "Rings": 6})
@@ -198,7 +205,7 @@ def _full_seed(seed: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _light_seed(seed: Any) -> tuple[np.ndarray, np.ndarray]:
-    """A stalk of three sides, a body of four without thorns, a blade for each filament."""
+    """A seed with a stalk of three sides, a body of four sides without thorns, and a blade for each filament."""
     tree = graph_of(seed)
     set_node(find_node(_tree(tree, "geometry"), "CURVE_PRIMITIVE_QUADRATIC_BEZIER"), {"Resolution": 3})
     set_node(find_node(_tree(tree, "geometry"), "CURVE_PRIMITIVE_CIRCLE"), {"Resolution": 3})
@@ -212,19 +219,20 @@ def _light_seed(seed: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _blades(tubes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For each tube, as rings of corners, one triangle along the straight line nearest to it, with as much silhouette.
+    """For each tube, given as rings of corners, one triangle along its best straight line with as large a silhouette.
 
-    By Cauchy's formula that takes as much surface, both sides counted, so its base is as wide as the tube is around.
-    Blades lie and stand by turns and point outwards and inwards by turns, for a tuft without gaps from every side.
+    By Cauchy's formula equal surfaces have equal mean silhouettes. Both sides of a triangle count, so that its base is
+    as wide as the circumference of the tube. Horizontal and vertical blades alternate, and so do blades that point
+    outwards and inwards, so that the tuft has no gaps from any side.
     """
     lines = tubes.mean(2)
     slope, start = np.polyfit(np.linspace(0, 1, lines.shape[1]), lines.swapaxes(0, 1).reshape(lines.shape[1], -1), 1)
-    around = np.linalg.norm(tubes - np.roll(tubes, 1, axis=2), axis=3).sum(2).mean()
+    circumference = np.linalg.norm(tubes - np.roll(tubes, 1, axis=2), axis=3).sum(2).mean()
     base, along = start.reshape(-1, 3), slope.reshape(-1, 3)
     number = np.arange(len(lines))[:, None]
-    lying = np.cross(along, [0, 0, 1])
-    across = np.where(number % 2 == 0, lying, np.cross(along, lying))
-    across *= around / 2 / np.linalg.norm(across, axis=1, keepdims=True)
+    horizontal = np.cross(along, [0, 0, 1])
+    across = np.where(number % 2 == 0, horizontal, np.cross(along, horizontal))
+    across *= circumference / 2 / np.linalg.norm(across, axis=1, keepdims=True)
     base, along = np.where(number // 2 % 2 == 0, (base, along), (base + along, -along))
     corners = np.stack([base - across, base + across, base + along], axis=1)
     return corners.reshape(-1, 3), np.arange(3 * len(lines)).reshape(-1, 3)

@@ -1,15 +1,18 @@
 """Infinigen's flower with the paper's 9 parameters.
 
 A thin adapter: Infinigen's function makes the node graph once for each part in each process, and a build sets its
-inputs. The first petal points to +X and each further one is a radian on, where the factory turns the whole at random;
-noise, wrinkles and seeds have fixed places in the graph. What may surprise:
+inputs. The first petal points to +X, and each next petal is turned by one radian; the factory turns the whole flower at
+random. Noise, wrinkles and seeds have fixed places in the graph.
 
-- There are 1.2 times `base_width` petals, rounded down, so that they overlap by a fifth of the centre's round.
-- `top_width` is no less than 1.2 times the width of the base in metres, and the graph lets a petal widen by a metre.
-- The published pair of angles is sorted, so that two sets of parameters gave one flower. Here too the smaller is that
-  of the first petals, but where `min_angle` is the larger the flower is mirrored: its petals go around the other way.
-- Seeds are spikes, on the lower side of the bed as well, and up to a million faces: the light ones are fewer and wider
-  where they would be more than can be told apart.
+What the parameters do:
+- A flower has 1.2 times `base_width` petals, rounded down, so that they overlap by a fifth.
+- `top_width` is at least 1.2 times the width of the base in metres, and the graph limits the widening of a petal to one
+  metre.
+- The published pair of angles is sorted, so that two sets of parameters give the same flower. Here the smaller angle is
+  also that of the first petals, but where `min_angle` is the larger one the flower is mirrored: its petals follow each
+  other in the opposite direction.
+- Seeds are spikes, also on the lower side of the centre, and have up to a million faces. Light meshes have fewer and
+  wider seeds where single seeds cannot be told apart.
 
 Sources: Infinigen (Raistrick et al. 2023) for the factory, DI-PCG's published parameters for list and ranges.
 """
@@ -56,25 +59,29 @@ space = ParameterSpace(
     Real("wrinkle", 0.003, 0.02, unit="m", doc="depth of the wrinkles", group="petal"),
     Real("curl", -120, 120, unit="°", doc="how far petals bend", group="petal"),
 )
-views = ViewRange(azimuth_deg=(-30, 30), elevation_deg=(5, 75))  # a radian on, the next petal takes the place of one
+# A flower that is turned by one radian looks the same, because the next petal takes the place of each.
+views = ViewRange(azimuth_deg=(-30, 30), elevation_deg=(5, 75))
 mirrors = {"min_angle": "max_angle", "max_angle": "min_angle"}
 needs = ("infinigen", "bpy")
 
-_MANY, _MOST = 0.075, 0.04  # seeds per radius of the bed: below these they are some 300, some 1,000
-_SQUARE = 1.09  # what a seed of 4 sides is wider than one of 6 of the same girth
+# The radius of a seed as a share of the centre's radius. At the first there are some 300 seeds, and a light mesh gives
+# each fewer corners if there are more; at the second there are some 1,000, and a light mesh has no more.
+_COARSE_BELOW, _SPACED_AT_LEAST = 0.075, 0.04
+# The factor of the radius that gives a seed with 4 sides the girth of one with 6 sides.
+_SQUARE_SEED_SCALE = 1.09
 _MODULE = "infinigen.assets.objects.grassland.flower"
 
 
 @functools.cache
 def prepare() -> dict[str, Any]:
-    """Import Infinigen and make the graphs that every build of this process sets up anew: one for each part."""
+    """Import Infinigen and make the node graphs that all builds use, one for each part, as objects."""
     module = import_infinigen(_MODULE)
     with silence():
         return {part: graph_object(_graph(module, link)) for part, link in (("petal", 0), ("centre", 1))}
 
 
 def _graph(module: Any, part: int) -> Any:
-    """The flower's graph with one of the two parts that it joins."""
+    """The graph of the flower with one of the two parts that it joins."""
     graph = new_graph(module.geo_flower, {}, petal_material=None, center_material=None)
     joined = find_node(graph, "SET_SHADE_SMOOTH").inputs[0].links[0].from_node
     graph.links.remove(joined.inputs[0].links[1 - part])
@@ -82,11 +89,12 @@ def _graph(module: Any, part: int) -> Any:
 
 
 def build(params: Params) -> Mesh:
+    """The full mesh of the flower."""
     return _build(params, light=False)
 
 
 def build_light(params: Params) -> Mesh:
-    """Seeds with fewer corners; those that would be too many are fewer and wider, and as high."""
+    """A mesh whose seeds have fewer corners; where there are very many, they are fewer and wider and as high."""
     return _build(params, light=True)
 
 
@@ -104,17 +112,17 @@ def _petals(inputs: dict[str, Any]) -> Piece:
 
 
 def _centre(inputs: dict[str, Any], light: bool) -> Piece:
-    """The seeds on their bed; the factory's own are 10 times as long as their radius and 1.5 times as far apart."""
+    """The centre with its seeds, which in Infinigen are 10 times as long as their radius and 1.5 times as far apart."""
     obj, size, bed = prepare()["centre"], inputs["Seed Size"], inputs["Center Rad"]
-    coarse = light and size < _MANY * bed
-    spaced = max(size, _MOST * bed) if coarse else size
-    radius = _SQUARE * spaced if coarse else size
+    coarse = light and size < _COARSE_BELOW * bed
+    spaced = max(size, _SPACED_AT_LEAST * bed) if coarse else size
+    radius = _SQUARE_SEED_SCALE * spaced if coarse else size
     set_inputs(obj, inputs | {"Seed Size": radius})
     seed = find_node(graph_of(obj), "nodegroup_plant_seed")
     set_node(seed, {"U": 3, "V": 4} if coarse else {"U": 6, "V": 6})
     points = find_node(graph_of(obj), "DISTRIBUTE_POINTS_ON_FACES")
-    _before(_before(seed, "Dimensions"), "X").inputs[1].default_value = 10 * size / radius
-    _before(points, "Distance Min").inputs[1].default_value = 1.5 * spaced / radius
+    _source_node(_source_node(seed, "Dimensions"), "X").inputs[1].default_value = 10 * size / radius
+    _source_node(points, "Distance Min").inputs[1].default_value = 1.5 * spaced / radius
     return read_piece("centre", evaluated(obj))
 
 
@@ -123,13 +131,13 @@ def _mirrored(piece: Piece) -> Piece:
     return part, vertices * np.array([-1, 1, 1], np.float32), faces[:, ::-1]
 
 
-def _before(node: Any, name: str) -> Any:
-    """The node that gives an input its value."""
+def _source_node(node: Any, name: str) -> Any:
+    """The node that is linked to an input."""
     return node.inputs[name].links[0].from_node
 
 
 def _inputs(p: Any) -> dict[str, Any]:
-    """Inputs of the graph, in its units, from the parameters in theirs."""
+    """The inputs of the graph, in its own units, from the parameters."""
     centre = p["overall_rad"] * p["pct_inner"]
     base = 2 * np.pi * centre / p["base_width"]
     length, top = p["overall_rad"] - centre, p["overall_rad"] * max(p["top_width"], 1.2 * base)

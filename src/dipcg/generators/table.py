@@ -1,20 +1,22 @@
 """Infinigen's dining table with the paper's 19 parameters.
 
 A thin adapter: Infinigen's functions make the node graphs once in each process, and a build sets values on their nodes.
-Where the published parameters say nothing or too much, this is what they do here:
 
-- `leg_number` counts stands, four being what Infinigen's graph makes of the published third option; a table has two
-  square frames or four straight legs, whatever it says.
-- `top_scale` and `bottom_scale` do nothing for stands, for a single one stands in the middle: more of them stand where
-  Infinigen's middle draw puts them, upright.
-- A round top (`ngon` 36) has no rounded corners, and goes around the rectangle that its dimensions give. A negative
-  `top_profile_fillet_ratio` is a sharp corner, as a large one is limited by the shorter side.
-- `leg_height` is a factor to the room below the top. Other than 1 it had legs end above or below the floor; here the
-  table always stands on it, and `strecher_relative_pos` counts from the top of the real leg, or stretchers would hang
-  in the air below short ones. 0 for `strecher_increament` is no stretcher, where Infinigen leaves discs without height.
-- The top's two fills have corners of their own along its rim, with slits between: they are made anew (`_caps.py`).
-- Thick legs would come through a thin top: it is raised until it hides their ends.
-- 1 and 2 of `strecher_increament` both close square frames at the bottom; of four legs they join neighbours, diagonals.
+What the parameters do:
+- `leg_number` is the number of stands. 4 is what Infinigen's graph makes of the published third option. A table with
+  another style of legs has two square frames or four straight legs at each value.
+- `top_scale` and `bottom_scale` have no effect on stands, because a single stand is in the middle. Several stands are
+  upright, at the middle of the range of the factory.
+- A round top (`ngon` 36) has no rounded corners and encloses the rectangle of its dimensions. A negative
+  `top_profile_fillet_ratio` gives sharp corners. A large one is limited by the shorter side.
+- `leg_height` is a factor of the space below the top. In Infinigen legs end above or below the floor at other values
+  than 1. Here the table always stands on the floor, and `strecher_relative_pos` is measured from the top of the real
+  leg, because stretchers would otherwise hang below short legs.
+- `strecher_increament` 0 means no stretchers, where Infinigen leaves discs without height. 1 and 2 both close square
+  frames at the bottom. Between four legs 1 joins neighbours and 2 joins diagonals.
+- The two fills of the top have vertices of their own along its rim, with slits between. They are made again by
+  `blender/caps.py`.
+- Thick legs would come through a thin top, so that the top is raised until it hides their ends.
 
 Sources: Infinigen Indoors (Raistrick et al. 2024) for the factory, DI-PCG's published parameters for list and ranges.
 """
@@ -100,27 +102,28 @@ space = ParameterSpace(
         when=_APART,
     ),
 )
-# Turned by 90°, four legs are those of another table, with x and y exchanged: no view of one is to be one of the other.
+# A table that is turned by 90° can look like another one with x and y exchanged. Views from a quarter turn show only
+# one of the two.
 views = ViewRange(azimuth_deg=(-45, 45), elevation_deg=(-5, 55))
 needs = ("infinigen", "bpy", "manifold3d")
 
 _MODULE = "infinigen.assets.objects.tables.dining_table"
-
-
-_BENDS = {"single-stand": (0.0, 0.5, 0.9, 1.0), "square": (), "straight": (0.0, 0.4, 1.0)}  # shares of a leg's length
-_TOP_FACES = 600  # of a light top, which leaves the others to the legs: stands have feet that are wide and thin …
-_STAND_SIDES = {
-    1: 40,
-    2: 28,
-    4: 20,
-}  # … that simplification would make corners of, so light ones have few rings of few sides
-_COVER = 0.9  # how much of the top's thickness legs may reach into
-_STAND_SCALE = 0.65  # where Infinigen puts stands on average
+# The points at which a leg's width is set, as shares of its length, for each style.
+_BENDS = {"single-stand": (0.0, 0.5, 0.9, 1.0), "square": (), "straight": (0.0, 0.4, 1.0)}
+# The number of triangles of a light top, so that enough remain for the legs.
+_TOP_FACES = 600
+# The number of sides of light stands, by the number of stands. Simplification would make corners of their wide, thin
+# feet, so that light stands are built with few sides and are not simplified.
+_STAND_SIDES = {1: 40, 2: 28, 4: 20}
+# The share of the top's thickness that legs may reach into.
+_COVER = 0.9
+# The scale at which Infinigen places several stands on average.
+_STAND_SCALE = 0.65
 
 
 @functools.cache
 def prepare() -> tuple[Any, dict[str, Any]]:
-    """Import Infinigen and make the graphs that every build of this process sets up anew: a top, legs by style."""
+    """Import Infinigen and make the node graphs that all builds use, as objects: a top, and legs for each style."""
     module = import_infinigen(_MODULE)
     with silence():
         legs = {style: module.geometry_create_legs(**_example(module, style)) for style in _BENDS}
@@ -129,16 +132,17 @@ def prepare() -> tuple[Any, dict[str, Any]]:
 
 
 def build(params: Params) -> Mesh:
+    """The full mesh of the table, which stands on the floor."""
     return _build(params, light=False)
 
 
 def build_light(params: Params) -> Mesh:
-    """Fewer rings along legs, stretchers and the edge of the top, fewer sides around stands and stretchers."""
+    """A coarser mesh: fewer rings along legs, stretchers and the top's edge, fewer sides of stands and stretchers."""
     return _build(params, light=True)
 
 
 def _example(module: Any, style: str) -> dict[str, Any]:
-    """Any parameters of the factory for a style; every build sets those that matter."""
+    """Some parameters of the factory for a style; each build sets all that have an effect."""
     with module.FixedSeed(0):
         example = module.TableDiningFactory.sample_parameters((1.0, 1.0, 1.0))
     curve = [(bend, 1.0) for bend in _BENDS[style]]
@@ -149,15 +153,15 @@ def _example(module: Any, style: str) -> dict[str, Any]:
 def _build(p: Any, light: bool) -> Mesh:
     with silence():
         top, *legs = _pieces(p, light)
-    room = p["dimension_z"] - p["top_thickness"]
-    through = max(0.0, legs[0][1][:, 2].max() - room - _COVER * p["top_thickness"])
-    legs = [_lifted(leg, (p["leg_height"] - 1) * room) for leg in legs]
-    return join([_lifted(top, p["leg_height"] * room + through), *legs])
+    space_below = p["dimension_z"] - p["top_thickness"]
+    excess = max(0.0, legs[0][1][:, 2].max() - space_below - _COVER * p["top_thickness"])
+    legs = [_raised(leg, (p["leg_height"] - 1) * space_below) for leg in legs]
+    return join([_raised(top, p["leg_height"] * space_below + excess), *legs])
 
 
-def _lifted(piece: Piece, by: float) -> Piece:
+def _raised(piece: Piece, height: float) -> Piece:
     part, vertices, faces = piece
-    return part, vertices + np.array([0, 0, by], np.float32), faces
+    return part, vertices + np.array([0, 0, height], np.float32), faces
 
 
 def _pieces(p: Any, light: bool) -> Iterator[Piece]:
@@ -165,23 +169,24 @@ def _pieces(p: Any, light: bool) -> Iterator[Piece]:
     set_inputs(top, _top(p))
     set_node(find_node(graph_of(top), "FILLET_CURVE"), {"Count": 1 if light else 8})
     piece = recapped(read_piece("top", evaluated(top)))
-    yield _thinned(piece) if light else piece
+    yield _simplified(piece) if light else piece
     _set_legs(graph_of(legs), p, light)
     for part in ("leg", "stretcher") if _has_stretchers(p) else ("leg",):
-        set_node(find_node(graph_of(legs), "nodegroup_create_legs_and_strechers"), _kept(part))
+        set_node(find_node(graph_of(legs), "nodegroup_create_legs_and_strechers"), _visible(part))
         yield read_piece(part, evaluated(legs))
 
 
-def _thinned(piece: Piece) -> Piece:
-    thin = simplify(join([piece]), _TOP_FACES, error=0.0001)
-    return piece[0], thin.vertices, thin.faces
+def _simplified(piece: Piece) -> Piece:
+    coarse = simplify(join([piece]), _TOP_FACES, error=0.0001)
+    return piece[0], coarse.vertices, coarse.faces
 
 
 def _has_stretchers(p: Any) -> bool:
     return p["leg_style"] == "straight" and p["strecher_increament"] > 0
 
 
-def _kept(part: str) -> dict[str, bool]:
+def _visible(part: str) -> dict[str, bool]:
+    """The inputs that make the graph show the legs alone, or the stretchers alone."""
     stretchers = part == "stretcher"
     return {"Keep Legs": not stretchers, "Keep Odd Strechers": stretchers, "Keep Even Strechers": stretchers}
 
@@ -198,7 +203,7 @@ def _top(p: Any) -> dict[str, Any]:
 
 
 def _set_legs(graph: Any, p: Any, light: bool) -> None:
-    """Where legs stand, and how one of them looks."""
+    """Set the places of the legs and the shape of one leg."""
     stands, width = p["leg_style"] == "single-stand", 1.414 * p["dimension_x"]
     scale = _STAND_SCALE if stands else p["top_scale"]
     anchors = {"Profile Width": scale * width, "Profile Aspect Ratio": p["dimension_y"] / p["dimension_x"]}
@@ -251,7 +256,7 @@ def _diameter(p: Any) -> float:
 
 
 def _set_widths(leg: Any, widths: tuple[float, ...]) -> None:
-    """Set the heights of the curve that says how wide a leg is along its length."""
+    """Set the points of the curve that gives the width of a leg along its length."""
     radius = find_node(leg.node_tree, "nodegroup_generate_radius_curve")
     curve = find_node(radius.node_tree, "CURVE_FLOAT").mapping
     for point, width in zip(curve.curves[0].points, widths, strict=True):

@@ -1,14 +1,16 @@
 """Infinigen's vase with the paper's 12 parameters.
 
 A thin adapter: Infinigen's function makes the node graph once in each process with its numbers as inputs, and a build
-sets them. What may surprise:
+sets these inputs.
 
-- `dimension_x` is half the width of the body: the factory scales a profile of radius 1 by it.
-- The height is a sixty-third of the outline less than `dimension_z`, for the factory deletes the uppermost ring, and
-  more than it where the neck reaches beyond the top (`neck_position`, or `neck_mid_position` above 1): lips turn down.
-- `profile_inner_radius` above 1 counts as 1, smooth, which the factory draws for half of its vases.
-- The outline has 64 corners, so many points of a star become an irregular pattern of flutes.
-- It is turned by a quarter, so that odd stars too are their own image in a mirror from left to right.
+What the parameters do:
+- `dimension_x` is half the width of the body, because the factory scales a profile of radius 1 by it.
+- The height is less than `dimension_z` by one sixty-third of the outline, because the factory deletes the uppermost
+  ring. It is more where the neck reaches beyond the top (`neck_position`, or `neck_mid_position` above 1) and the lip
+  turns down.
+- `profile_inner_radius` above 1 counts as 1, a smooth vase. The factory draws a smooth vase half of the time.
+- The outline has 64 corners, so that a star with many points becomes an irregular pattern of flutes.
+- The vase is turned by 90°, so that a star with an odd number of points is also its own mirror image.
 
 Sources: Infinigen Indoors (Raistrick et al. 2024) for the factory, DI-PCG's published parameters for list and ranges.
 """
@@ -45,10 +47,10 @@ space = ParameterSpace(
         0.5,
         1.5,
         unit="of the neck's height",
-        doc="where the neck is halfway to the mouth's width",
+        doc="height at which the width is halfway to that of the mouth",
         group="neck",
     ),
-    Real("neck_position", -0.2, 0.2, unit="of height", doc="neck higher than its scale gives", group="neck"),
+    Real("neck_position", -0.2, 0.2, unit="of height", doc="how far the neck is raised", group="neck"),
     Real("shoulder_position", 0.1, 0.8, unit="of foot to neck", doc="height of the widest place", group="body"),
     Real("shoulder_thickness", 0.1, 0.3, unit="of foot to neck", doc="half the height of the belly", group="body"),
     Real("foot_scale", 0.2, 0.8, unit="of body", doc="width of the foot", group="foot"),
@@ -58,13 +60,14 @@ views = ViewRange(azimuth_deg=(-45, 45), elevation_deg=(-5, 50))
 needs = ("infinigen", "bpy")
 
 _MODULE = "infinigen.assets.objects.table_decorations.vase"
-_RESOLUTION = {"U_resolution": 64, "V_resolution": 64}  # the factory's own
-_THICKNESS = 0.002  # metres, the factory's own
+# The resolution and the thickness of the wall in metres are those of the factory.
+_RESOLUTION = {"U_resolution": 64, "V_resolution": 64}
+_THICKNESS = 0.002
 
 
 @functools.cache
 def prepare() -> Any:
-    """Import Infinigen and make the graph that every build of this process sets up anew, and what smooths it."""
+    """Import Infinigen and make the node graph that all builds use, as an object with a wall and a smooth surface."""
     module = import_infinigen(_MODULE)
     inputs = {name: type(value) for name, value in _inputs(space.decode(np.zeros(len(space)))).items()}
     with silence():
@@ -76,11 +79,12 @@ def prepare() -> Any:
 
 
 def build(params: Params) -> Mesh:
+    """The full mesh of the vase."""
     return _build(params, levels=2, wall=True)
 
 
 def build_light(params: Params) -> Mesh:
-    """The outer face of the wall alone, and a quarter of its points: they lie on the same smooth surface."""
+    """The outer face of the wall alone, with a quarter of the points, which lie on the same smooth surface."""
     return _build(params, levels=1, wall=False)
 
 
@@ -95,7 +99,7 @@ def _build(params: Params, levels: int, wall: bool) -> Mesh:
 
 
 def _inputs(p: Any) -> dict[str, float]:
-    """Inputs of the graph, in its units, from the parameters in theirs."""
+    """The inputs of the graph, in its own units, from the parameters."""
     return {
         "Profile Inner Radius": min(p["profile_inner_radius"], 1.0),
         "Profile Star Points": p["profile_star_points"],
