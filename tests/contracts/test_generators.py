@@ -1,4 +1,4 @@
-"""What every generator promises, checked for whatever the registry finds and for the examples of others' own."""
+"""The contract of generators, checked for each registered generator and for the examples."""
 
 import subprocess
 import sys
@@ -19,8 +19,10 @@ from dipcg.workers.pool import BuildPool
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NAMES = [*registry.names("generators"), *(str(EXAMPLES / name) for name in ("lamp.toml", "seashell.py"))]
 IDS = [Path(name).name for name in NAMES]
+# The number of random assets of each generator.
 SAMPLES = 6
-ROUNDS = 8  # of probing a parameter from other starting points before it counts as without effect
+# The number of starting points from which a parameter is changed before it counts as one without an effect.
+ROUNDS = 8
 
 declared = pytest.mark.parametrize("generator", [load_generator(name) for name in NAMES], ids=IDS)
 
@@ -41,14 +43,14 @@ def pool(request) -> Iterator[BuildPool]:
 
 @pytest.fixture(scope="module")
 def samples(pool) -> list[tuple[Params, Mesh]]:
-    """Random assets, built in full."""
+    """Random parameters with their full meshes."""
     rng = np.random.default_rng(0)
-    many = [pool.generator.space.sample(rng) for _ in range(SAMPLES)]
-    return list(zip(many, build_all(pool, many, "full"), strict=True))
+    params = [pool.generator.space.sample(rng) for _ in range(SAMPLES)]
+    return list(zip(params, build_all(pool, params, "full"), strict=True))
 
 
-def build_all(pool: BuildPool, many: list[Params], detail: str) -> list[Mesh]:
-    meshes = list(pool.map(many, detail))
+def build_all(pool: BuildPool, params: list[Params], detail: str) -> list[Mesh]:
+    meshes = list(pool.map(params, detail))
     for mesh in meshes:
         if isinstance(mesh, Exception):
             raise mesh
@@ -56,7 +58,10 @@ def build_all(pool: BuildPool, many: list[Params], detail: str) -> list[Mesh]:
 
 
 def same(a: Mesh, b: Mesh) -> bool:
-    """Equal faces, and vertices to a millionth of the side: Blender's bevel rounds by where memory happened to lie."""
+    """Whether the faces are equal and the vertices differ by less than a millionth of the longest side.
+
+    Blender's bevel adds numbers in an order that depends on memory addresses, so that vertices differ by rounding.
+    """
     if a.vertices.shape != b.vertices.shape or not np.array_equal(a.faces, b.faces):
         return False
     return bool(np.abs(a.vertices - b.vertices).max() < 1e-6 * a.side)
@@ -71,11 +76,11 @@ def points_of(*meshes: Mesh) -> list[np.ndarray]:
     return [surface_points(mesh, 4000, np.random.default_rng(i)) for i, mesh in enumerate(meshes)]
 
 
-# The declaration: no Blender needed
+# The declaration, which needs no Blender
 
 
 @pytest.mark.parametrize("name", NAMES, ids=IDS)
-def test_imports_without_blender(name):
+def test_a_generator_loads_without_blender(name):
     block = "import sys; sys.modules.update(bpy=None, infinigen=None, torch=None)"
     load = f"from dipcg.generators import load_generator; load_generator({name!r})"
     subprocess.run([sys.executable, "-c", f"{block}; {load}"], check=True)
@@ -95,7 +100,7 @@ def test_parameters_have_names_that_work_on_a_command_line(generator):
 
 
 @declared
-def test_decoding_undoes_encoding(generator):
+def test_decoding_inverts_encoding(generator):
     rng = np.random.default_rng(0)
     for _ in range(20):
         params = generator.space.sample(rng)
@@ -103,7 +108,7 @@ def test_decoding_undoes_encoding(generator):
 
 
 @declared
-def test_every_parameter_is_active_somewhere_and_every_conditional_one_not_everywhere(generator):
+def test_every_parameter_is_sometimes_active_and_every_conditional_one_sometimes_inactive(generator):
     rng = np.random.default_rng(0)
     for p in generator.space:
         assert generator.space.is_active(p.name, activated(generator.space, p.name, rng))
@@ -120,7 +125,7 @@ def test_mirroring_twice_changes_nothing(generator):
 # The meshes
 
 
-def test_meshes_are_whole(samples):
+def test_meshes_are_valid(samples):
     for _, mesh in samples:
         assert len(mesh.vertices) > 0
         assert len(mesh.faces) > 0
@@ -131,14 +136,15 @@ def test_meshes_are_whole(samples):
         assert mesh.side > 0
 
 
-def test_the_parts_seen_have_names_of_their_own(samples):
+def test_parts_have_distinct_names(samples):
     for _, mesh in samples:
         assert len(set(mesh.part_names)) == len(mesh.part_names)
 
 
-def test_another_process_builds_the_same_to_the_last_vertex(pool, samples):
+def test_another_process_builds_the_same_mesh(pool, samples):
+    # The order is reversed, because earlier builds must have no effect on later ones.
     with BuildPool(pool.generator.ref) as other:
-        for params, mesh in reversed(samples):  # in another order: what was built before leaves no trace
+        for params, mesh in reversed(samples):
             assert same(other.build(params), mesh), params
 
 
@@ -149,21 +155,21 @@ def test_light_meshes_have_the_shape_of_full_ones(pool, samples):
         assert chamfer.measure(a, b) < chamfer.measure(a, again) + 0.01, params
 
 
-def test_every_training_view_frames_it(pool, samples):
+def test_every_training_view_contains_the_whole_asset(pool, samples):
     rng = np.random.default_rng(0)
     for params, mesh in samples:
         for view in (pool.generator.seen_from(params).sample(rng) for _ in range(10)):
             to_camera = world_to_camera(view, mesh.centre, mesh.side)
             points = np.c_[mesh.vertices, np.ones(len(mesh.vertices))] @ to_camera.T
             assert points[:, 2].max() < 0, "all of it lies before the camera"
-            seen = points @ fit(mesh.vertices, to_camera).T
-            assert np.abs(seen[:, :3] / seen[:, 3:]).max() <= 1
+            projected = points @ fit(mesh.vertices, to_camera).T
+            assert np.abs(projected[:, :3] / projected[:, 3:]).max() <= 1
 
 
 def test_a_mirror_image_is_the_asset_of_the_mirrored_parameters(pool, samples):
-    """Training flips pictures, so a flipped asset must have the parameters it is said to have."""
+    """Training flips pictures, so the flipped picture must show the asset of the mirrored parameters."""
     if pool.generator.mirrors is None:
-        pytest.skip("says that its mirror images are other assets")
+        pytest.skip("its mirror images are no assets of this generator")
     space, mirror = pool.generator.space, pool.generator.mirror
     mirrored = build_all(pool, [space.decode(mirror(space.encode(params))) for params, _ in samples], "full")
     for (params, mesh), other in zip(samples, mirrored, strict=True):
@@ -175,7 +181,7 @@ def test_inactive_values_never_change_the_mesh(pool):
     rng = np.random.default_rng(1)
     space = pool.generator.space
     plain = [with_option(space, p, option, rng) for p in space if isinstance(p, Choice) for option in p.options]
-    noisy = [params | any_inactive_values(space, params, rng) for params in plain]
+    noisy = [params | random_inactive_values(space, params, rng) for params in plain]
     before, after = build_all(pool, plain, "light"), build_all(pool, noisy, "light")
     for params, a, b in zip(plain, before, after, strict=True):
         assert same(a, b), params
@@ -184,39 +190,44 @@ def test_inactive_values_never_change_the_mesh(pool):
 def test_under_each_option_every_active_parameter_changes_the_mesh(pool):
     rng = np.random.default_rng(2)
     space = pool.generator.space
-    left = {(p.name, c.name, o) for p in space for c in space if isinstance(c, Choice) for o in c.options}
-    left = {(p.name, *ANYHOW) for p in space} | {pair for pair in left if joint(space, *pair, rng)}
+    remaining = {(p.name, c.name, o) for p in space for c in space if isinstance(c, Choice) for o in c.options}
+    remaining = {(p.name, *ANY_OPTIONS) for p in space} | {pair for pair in remaining if joint(space, *pair, rng)}
     for _ in range(ROUNDS):
-        left -= set(effects_seen(pool, probes(space, left, rng)))
-    assert not left, f"no effect of (parameter, under choice, option): {sorted(left, key=str)}"
+        remaining -= set(pairs_with_effect(pool, probes(space, remaining, rng)))
+    assert not remaining, f"no effect of (parameter, under choice, option): {sorted(remaining, key=str)}"
 
 
+# A parameter, a choice and one of its options, under which the effect of the parameter is looked for.
 Pair = tuple[str, str, object]
-ANYHOW = ("", None)  # under whatever options: a generator may have no choices
+# Stands for a choice and its option where the effect may be under any options, since a generator may have no choices.
+ANY_OPTIONS = ("", None)
 
 
-def probes(space: ParameterSpace, left: set[Pair], rng: np.random.Generator) -> list[tuple[str, Params, Params]]:
-    """For every pair left, the parameter changed far from a start under that option; as few builds as greed finds."""
+def probes(space: ParameterSpace, remaining: set[Pair], rng: np.random.Generator) -> list[tuple[str, Params, Params]]:
+    """For every remaining pair a start under its option, and the same with the parameter far away.
+
+    A greedy choice of starts keeps the number of builds low.
+    """
     starts: list[Params] = []
-    for pair in sorted(left, key=str):
+    for pair in sorted(remaining, key=str):
         if not any(pair in pairs_of(space, pair[0], start) for start in starts):
             starts.append(joint(space, *pair, rng))
     return [
         (name, start, space.replace(start, {name: far_value(space, name, start, rng)}))
-        for name in sorted({name for name, _, _ in left})
-        for start in cover(space, name, {pair for pair in left if pair[0] == name}, starts)
+        for name in sorted({name for name, _, _ in remaining})
+        for start in cover(space, name, {pair for pair in remaining if pair[0] == name}, starts)
     ]
 
 
-def cover(space: ParameterSpace, name: str, left: set[Pair], starts: list[Params]) -> Iterator[Params]:
-    """A few of the starts, which together have all pairs left of one parameter."""
-    while left:
-        start = max(starts, key=lambda start: len(left & pairs_of(space, name, start)))
-        left = left - pairs_of(space, name, start)
+def cover(space: ParameterSpace, name: str, remaining: set[Pair], starts: list[Params]) -> Iterator[Params]:
+    """A few of the starts that together cover all remaining pairs of one parameter."""
+    while remaining:
+        start = max(starts, key=lambda start: len(remaining & pairs_of(space, name, start)))
+        remaining = remaining - pairs_of(space, name, start)
         yield start
 
 
-def effects_seen(pool: BuildPool, chosen: list[tuple[str, Params, Params]]) -> Iterator[Pair]:
+def pairs_with_effect(pool: BuildPool, chosen: list[tuple[str, Params, Params]]) -> Iterator[Pair]:
     starts = list({id(start): start for _, start, _ in chosen}.values())
     before = dict(zip(map(id, starts), build_all(pool, starts, "light"), strict=True))
     after = build_all(pool, [changed for _, _, changed in chosen], "light")
@@ -229,12 +240,12 @@ def pairs_of(space: ParameterSpace, name: str, params: Params) -> set[Pair]:
     if not space.is_active(name, params):
         return set()
     choices = [c.name for c in space if isinstance(c, Choice) and space.is_active(c.name, params)]
-    return {(name, *ANYHOW)} | {(name, choice, params[choice]) for choice in choices}
+    return {(name, *ANY_OPTIONS)} | {(name, choice, params[choice]) for choice in choices}
 
 
 def joint(space: ParameterSpace, name: str, choice: str, option: object, rng: np.random.Generator) -> Params | None:
-    """Random parameters under which `name` is active and `choice` is active and at `option`; None if that cannot be."""
-    if (choice, option) == ANYHOW:
+    """Random parameters with `name` and `choice` active and `choice` at `option`; None if there are none."""
+    if (choice, option) == ANY_OPTIONS:
         return activated(space, name, rng)
     for _ in range(20):
         params = activated(space, name, rng, with_option(space, space[choice], option, rng))
@@ -248,8 +259,8 @@ def with_option(space: ParameterSpace, choice: Choice, option: object, rng: np.r
 
 
 def activated(space: ParameterSpace, name: str, rng: np.random.Generator, start: Params | None = None) -> Params:
-    """Random parameters, or the given ones, with choices set so that `name` is active."""
-    params = {p.name: any_value(p, rng) for p in space} if start is None else dict(start)
+    """Random parameters, or those of `start`, with choices changed so that `name` is active."""
+    params = {p.name: random_value(p, rng) for p in space} if start is None else dict(start)
     missing = [name]
     while missing:
         for other, allowed in space[missing.pop()].when.items():
@@ -259,11 +270,11 @@ def activated(space: ParameterSpace, name: str, rng: np.random.Generator, start:
     return space.canonical(params)
 
 
-def any_inactive_values(space: ParameterSpace, params: Params, rng: np.random.Generator) -> Params:
-    return {p.name: any_value(p, rng) for p in space if not space.is_active(p.name, params)}
+def random_inactive_values(space: ParameterSpace, params: Params, rng: np.random.Generator) -> Params:
+    return {p.name: random_value(p, rng) for p in space if not space.is_active(p.name, params)}
 
 
-def any_value(parameter: Real | Choice, rng: np.random.Generator) -> object:
+def random_value(parameter: Real | Choice, rng: np.random.Generator) -> object:
     return parameter.decode(rng.uniform(-1, 1))
 
 

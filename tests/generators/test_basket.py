@@ -1,4 +1,4 @@
-"""The basket beside Infinigen's own, whose boolean is Blender's exact one here, and what its parameters promise."""
+"""The basket: compared with Infinigen's own under Blender's exact boolean, and the effects of its parameters."""
 
 import json
 import subprocess
@@ -15,11 +15,13 @@ from dipcg.metrics import sample_surface
 from dipcg.metrics.chamfer import nearest
 from dipcg.workers.pool import BuildPool
 
-SEEDS = (2, 3, 9)  # of assets within the published ranges: sharp; rounded; with 115 bars for holes, which take seconds
+# Seeds of assets within the published ranges: sharp, rounded, and with 115 bars for holes, which take seconds.
+SEEDS = (2, 3, 9)
 BASKET = load_generator("basket")
 pytestmark = [pytest.mark.blender, pytest.mark.skipif(bool(BASKET.missing), reason="Infinigen is not installed")]
 
-# Triangles are Blender's, for a boolean's faces are not convex. The solver is the exact one: see the adapter.
+# This program writes Infinigen's own baskets. The boolean has the exact solver, as the adapter's text says, and Blender
+# divides its faces into triangles, because they are not convex.
 DIRECT = """
 import json, os, sys
 import numpy as np
@@ -57,12 +59,12 @@ def pool() -> Iterator[BuildPool]:
         yield pool
 
 
-def test_it_is_the_basket_that_infinigen_makes(pool, tmp_path: Path):
+def test_the_basket_equals_infinigens_own(pool, tmp_path: Path):
     subprocess.run([sys.executable, "-c", DIRECT, str(tmp_path / "own.npz"), *map(str, SEEDS)], check=True)
     own = np.load(tmp_path / "own.npz")
     for seed in SEEDS:
         theirs = make_mesh(own[f"{seed}.vertices"], own[f"{seed}.faces"])
-        params = BASKET.space.validate(read_back(json.loads(str(own[f"{seed}.params"]))))
+        params = BASKET.space.validate(params_of(json.loads(str(own[f"{seed}.params"]))))
         ours = pool.build(params)
         np.testing.assert_allclose(ours.bounds, theirs.bounds, atol=1e-6)
         assert area(ours) == pytest.approx(area(theirs), rel=1e-5)
@@ -71,8 +73,8 @@ def test_it_is_the_basket_that_infinigen_makes(pool, tmp_path: Path):
         assert distance(pool.build(params, "light"), theirs) < 0.01
 
 
-def read_back(own: dict) -> dict:
-    """Our parameters from the factory's; what has no effect may lie outside the published range."""
+def params_of(own: dict) -> dict:
+    """Our parameters from those of the factory; one without an effect may lie outside the published range."""
     height, hole = own["height"], own["hole_size"]
     read = {
         "handle_depth": own["handle_depth"] / own["depth"],
@@ -85,7 +87,7 @@ def read_back(own: dict) -> dict:
 
 
 def distance(a: Mesh, b: Mesh) -> float:
-    """The farthest that a point on either surface is from the other, in longest sides."""
+    """The Hausdorff distance of the surfaces, in longest sides, from samples of points."""
     rng = np.random.default_rng(0)
     first, second = (sample_surface(mesh, 100_000, rng) / a.side for mesh in (a, b))
     return max(nearest(first[:4000], second).max(), nearest(second[:4000], first).max())
@@ -102,43 +104,44 @@ def volume(mesh: Mesh) -> float:
 
 
 @pytest.mark.parametrize("detail", ["full", "light"])
-def test_a_sharp_basket_is_as_large_as_it_says_and_stands_on_the_floor(pool, detail: str):
-    mesh = pool.build(any_basket(depth=0.2, width=0.5, height=0.3, has_holes=True), detail)
+def test_a_sharp_basket_has_the_size_of_its_parameters_and_stands_on_the_floor(pool, detail: str):
+    mesh = pool.build(basket_with(depth=0.2, width=0.5, height=0.3, has_holes=True), detail)
     np.testing.assert_allclose(mesh.bounds, [[-0.1, -0.25, 0], [0.1, 0.25, 0.3]], atol=1e-6)
 
 
 @pytest.mark.parametrize("level", [0, 3])
-def test_it_is_open_at_the_top_and_nowhere_else(pool, level: int):
-    thin, thick = (pool.build(any_basket(frame_sub_level=level, thickness=t)) for t in (0.002, 0.004))
-    assert volume(thick) == pytest.approx(2 * volume(thin), rel=0.02)  # walls and bottom alone
+def test_the_basket_is_open_at_the_top_alone(pool, level: int):
+    thin, thick = (pool.build(basket_with(frame_sub_level=level, thickness=t)) for t in (0.002, 0.004))
+    # The volume is that of walls and bottom alone.
+    assert volume(thick) == pytest.approx(2 * volume(thin), rel=0.02)
     assert genus(thin) == 0
 
 
 def test_every_gap_is_a_hole(pool):
-    """Of 0.4 m less the edges, bars of 20 mm every 30 mm leave 10 rows; 0.2 and 0.3 m have room for 3 and 6."""
+    """A height of 0.4 m minus the edges has 10 rows of holes at a distance of 30 mm; 0.2 and 0.3 m have 3 and 7."""
     size = {"depth": 0.2, "width": 0.3, "height": 0.4}
     holes = {"has_holes": True, "hole_size": 0.02, "hole_gap_size": 0.5, "hole_edge_gap": 0.09}
-    assert genus(pool.build(any_basket(**size, **holes))) == 2 * 10 * (3 + 7)
-    assert genus(pool.build(any_basket(**size, **holes | {"hole_gap_size": 2.0}))) == 2 * 5 * (1 + 3)
-    assert genus(pool.build(any_basket(**size, **holes, has_handle=True, handle_dist_to_top=0.08))) > 0
+    assert genus(pool.build(basket_with(**size, **holes))) == 2 * 10 * (3 + 7)
+    assert genus(pool.build(basket_with(**size, **holes | {"hole_gap_size": 2.0}))) == 2 * 5 * (1 + 3)
+    assert genus(pool.build(basket_with(**size, **holes, has_handle=True, handle_dist_to_top=0.08))) > 0
 
 
-def test_handles_are_two_openings(pool):
-    assert genus(pool.build(any_basket(has_handle=True, handle_sub_level=2))) == 2
+def test_handles_make_two_openings(pool):
+    assert genus(pool.build(basket_with(has_handle=True, handle_sub_level=2))) == 2
 
 
-def test_low_baskets_have_holes_too(pool):
-    low = any_basket(height=0.08, has_holes=True, hole_edge_gap=0.04, hole_size=0.01, hole_gap_size=1.0)
+def test_low_baskets_have_holes(pool):
+    low = basket_with(height=0.08, has_holes=True, hole_edge_gap=0.04, hole_size=0.01, hole_gap_size=1.0)
     assert genus(pool.build(low)) > 0
 
 
 def genus(mesh: Mesh) -> int:
-    """Holes through a closed surface, by Euler's formula."""
+    """The number of holes through a closed surface, by Euler's formula."""
     edges = np.sort(np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]), axis=1)
     assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all(), "it is not closed"
     return 1 - (len(np.unique(mesh.faces)) - len(edges) // 2 + len(mesh.faces)) // 2
 
 
-def any_basket(**changes: object) -> dict:
+def basket_with(**changes: object) -> dict:
     plain = {"frame_sub_level": 0, "has_handle": False, "has_holes": False}
     return BASKET.space.replace(BASKET.space.decode(np.zeros(len(BASKET.space))), plain | changes)

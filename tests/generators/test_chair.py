@@ -1,4 +1,4 @@
-"""The chair beside Infinigen's own, and what its parameters promise."""
+"""The chair: compared with Infinigen's own, and the effects of its parameters."""
 
 import json
 import subprocess
@@ -16,10 +16,11 @@ from dipcg.metrics.chamfer import nearest
 from dipcg.workers.pool import BuildPool
 
 CHAIR = load_generator("chair")
-SEEDS = (2, 3, 11, 13, 19)  # of assets within the published ranges, see `test_the_assets_have_all_kinds_of_parts`
+# Seeds of assets within the published ranges; see `test_the_assets_differ_in_their_parts`.
+SEEDS = (2, 3, 11, 13, 19)
 pytestmark = [pytest.mark.blender, pytest.mark.skipif(bool(CHAIR.missing), reason="Infinigen is not installed")]
 
-# What the factory draws while it builds is the middle of its range, on either side.
+# This program writes Infinigen's own chairs. The middle of the range replaces the draws of a build, as in the adapter.
 DIRECT = """
 import json, os, sys
 import numpy as np
@@ -34,8 +35,8 @@ for seed in map(int, sys.argv[2:]):
         factory.seat_mid_x = (factory.seat_back + factory.seat_mid * (1 - factory.seat_back) + 1) / 2
         with replaced(module, uniform=middle):
             _, vertices, faces = read_piece("chair", factory.create_asset())
-    kinds = (bool, int, float, str, tuple, list, np.ndarray, np.generic)
-    plain = {name: value for name, value in vars(factory).items() if isinstance(value, kinds)}
+    types = (bool, int, float, str, tuple, list, np.ndarray, np.generic)
+    plain = {name: value for name, value in vars(factory).items() if isinstance(value, types)}
     own = json.dumps(plain, default=lambda value: value.tolist())
     found |= {f"{seed}.vertices": vertices, f"{seed}.faces": faces, f"{seed}.own": own}
 np.savez(sys.argv[1], **found)
@@ -57,24 +58,24 @@ def assets(tmp_path_factory) -> list[tuple[Mesh, dict]]:
     subprocess.run([sys.executable, "-c", DIRECT, str(file), *map(str, SEEDS)], check=True)
     own = np.load(file)
     meshes = [make_mesh(own[f"{s}.vertices"][:, [1, 0, 2]] * [1, -1, 1], own[f"{s}.faces"]) for s in SEEDS]
-    params = [CHAIR.space.validate(read_back(json.loads(str(own[f"{s}.own"])))) for s in SEEDS]
+    params = [CHAIR.space.validate(params_of(json.loads(str(own[f"{s}.own"])))) for s in SEEDS]
     return list(zip(meshes, params, strict=True))
 
 
-def test_it_is_the_chair_that_infinigen_makes(pool, assets):
+def test_the_chair_equals_infinigens_own(pool, assets):
     for theirs, params in assets:
         ours = pool.build(params)
         np.testing.assert_allclose(ours.bounds, theirs.bounds, atol=1e-4)
         assert distance(ours, theirs) < 0.01, params
 
 
-def test_the_assets_have_all_kinds_of_parts(assets):
+def test_the_assets_differ_in_their_parts(assets):
     for name in ("back_type", "is_leg_round", "has_arm", "has_leg_x_bar", "has_leg_y_bar", "is_seat_subsurf"):
         assert len({params[name] for _, params in assets}) > 1, name
 
 
-def test_it_is_as_high_and_wide_as_it_says(pool):
-    params = any_chair(leg_height=0.5, back_height=0.4, width=0.6, leg_type="vertical", back_type="whole")
+def test_the_chair_has_the_height_and_the_width_of_its_parameters(pool):
+    params = chair_with(leg_height=0.5, back_height=0.4, width=0.6, leg_type="vertical", back_type="whole")
     mesh = pool.build(params, "light")
     assert mesh.bounds[0, 2] == pytest.approx(-0.5, abs=0.002)
     assert 0.4 < mesh.bounds[1, 2] < 0.45, "the top of a whole back is arched"
@@ -82,30 +83,31 @@ def test_it_is_as_high_and_wide_as_it_says(pool):
 
 
 @pytest.mark.parametrize("switch", ["has_arm", "has_leg_x_bar", "has_leg_y_bar"])
-def test_switches_add_a_part_on_either_side(pool, switch):
+def test_switches_add_a_part_on_both_sides(pool, switch):
     part = "arm" if switch == "has_arm" else "bar"
-    without, with_it = (pool.build(any_chair(**{switch: on}), "light") for on in (False, True))
+    without, with_it = (pool.build(chair_with(**{switch: on}), "light") for on in (False, True))
     assert part not in without.part_names
     added = with_it.vertices[np.unique(with_it.faces[with_it.parts == with_it.part_names.index(part)])]
-    sided = added[:, 1 if switch == "has_leg_x_bar" else 0] - with_it.centre[1 if switch == "has_leg_x_bar" else 0]
-    assert sided.min() < -0.05
-    assert sided.max() > 0.05
+    axis = 1 if switch == "has_leg_x_bar" else 0
+    offsets = added[:, axis] - with_it.centre[axis]
+    assert offsets.min() < -0.05
+    assert offsets.max() > 0.05
 
 
 def distance(a: Mesh, b: Mesh) -> float:
-    """The farthest that a point on either surface is from the other, in longest sides."""
+    """The Hausdorff distance of the surfaces, in longest sides, from samples of points."""
     rng = np.random.default_rng(0)
     first, second = (sample_surface(mesh, 100_000, rng) / a.side for mesh in (a, b))
     return max(nearest(first[:4000], second).max(), nearest(second[:4000], first).max())
 
 
-def any_chair(**changes: object) -> dict:
+def chair_with(**changes: object) -> dict:
     plain = {"has_arm": False, "has_leg_x_bar": False, "has_leg_y_bar": False}
     return CHAIR.space.replace(CHAIR.space.decode(np.zeros(len(CHAIR.space))), plain | changes)
 
 
-def read_back(own: dict) -> dict:
-    """Our parameters from the factory's attributes; what has no effect may lie outside the published range."""
+def params_of(own: dict) -> dict:
+    """Our parameters from the attributes of the factory; one without an effect may lie outside the published range."""
     width, size = own["width"], own["size"]
     params = {p.name: p.inactive for p in CHAIR.space}
     params |= {name: own[name] for name in CHAIR.space.names if name in own and not name.startswith("arm")}
@@ -130,12 +132,12 @@ def read_back(own: dict) -> dict:
     return params | (arm if own["has_arm"] else {}) | _back(own["back_type"], own["back_profile"])
 
 
-def _back(kind: str, spans: list) -> dict:
-    if kind == "partial":
+def _back(back_type: str, spans: list) -> dict:
+    if back_type == "partial":
         return {"back_profile_partial": spans[0][0]}
-    if kind == "vertical-bar":
+    if back_type == "vertical-bar":
         return {"back_profile_vertical": spans[0][0]}
-    if kind == "whole":
+    if back_type == "whole":
         return {}
     tops = np.array([top for _, top in spans])
     lowest = (spans[0][0] - (ratio := _ratio(spans)) * tops[0]) / (1 - ratio)
@@ -149,5 +151,5 @@ def _back(kind: str, spans: list) -> dict:
 
 
 def _ratio(spans: list) -> float:
-    """The gap below a slat over slat and gap, from the second slat, whose start is the first one's end."""
+    """The gap below a slat as a share of slat and gap, from the second slat, whose gap begins where the first ends."""
     return (spans[1][0] - spans[0][1]) / (spans[1][1] - spans[0][1])

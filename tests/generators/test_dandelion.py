@@ -1,4 +1,4 @@
-"""The dandelion beside Infinigen's own, and what its parameters promise."""
+"""The dandelion: compared with Infinigen's own, and the effects of its parameters."""
 
 import json
 import subprocess
@@ -16,12 +16,14 @@ from dipcg.metrics.chamfer import nearest
 from dipcg.workers.pool import BuildPool
 
 MODES = ("full_flower", "no_flower", "sparse_flower")
-FILAMENTS = 40  # of a seed
+# The number of filaments of a seed.
+FILAMENTS = 40
 DANDELION = load_generator("dandelion")
 pytestmark = [pytest.mark.blender, pytest.mark.skipif(bool(DANDELION.missing), reason="Infinigen is not installed")]
 
-# Nothing in a factory's asset says what was drawn for it, so draws are noted here, and those that are no parameter are
-# at their middle. The bounds of missing seeds cannot be compared: in the factory they do nothing.
+# This program writes Infinigen's own dandelions. An asset does not hold the numbers that were drawn for it, so they are
+# recorded. The middle of the range replaces draws that are no parameter. The bounds of missing seeds are not compared,
+# because they have no effect in the factory.
 DIRECT = """
 import json, os, sys
 import numpy as np
@@ -35,18 +37,18 @@ names = {(0.2, 0.4): "stem_map_range", (0.01, 0.024): "stem_radius", (-0.15, -0.
 names[0.3, 0.5] = "random_dropout"
 counts = {25: ("flower_num_core_segments", (8, 15)), 20: ("flower_num_core_rings", (8,))}
 
-def note(name, value):
+def record(name, value):
     drawn.append((name, value))
     return value
 
 def uniform(low, high):
-    return note(names[low, high], rng.uniform(*sorted((low, high)))) if (low, high) in names else middle(low, high)
+    return record(names[low, high], rng.uniform(*sorted((low, high)))) if (low, high) in names else middle(low, high)
 
 def normal(mean, deviation):
-    return note("bezier", rng.normal(mean, deviation)) if deviation == 0.1 else mean
+    return record("bezier", rng.normal(mean, deviation)) if deviation == 0.1 else mean
 
 def randint(low, high):
-    return note(counts[high][0], int(rng.choice(counts[high][1])))
+    return record(counts[high][0], int(rng.choice(counts[high][1])))
 
 draws = replaced(module, uniform=uniform, normal=normal, randint=randint)
 curves = replaced(module.np.random, normal=lambda mean, deviation: mean)
@@ -71,29 +73,29 @@ def pool() -> Iterator[BuildPool]:
         yield pool
 
 
-def test_it_is_the_dandelion_that_infinigen_makes(pool, tmp_path: Path):
+def test_the_dandelion_equals_infinigens_own(pool, tmp_path: Path):
     subprocess.run([sys.executable, "-c", DIRECT, str(tmp_path / "own.npz"), *MODES], check=True)
     own = np.load(tmp_path / "own.npz")
     for mode in MODES:
-        mesh = pool.build(any_dandelion(flower_mode=mode, **read_back(json.loads(str(own[f"{mode}.drawn"])))))
+        mesh = pool.build(dandelion_with(flower_mode=mode, **params_of(json.loads(str(own[f"{mode}.drawn"])))))
         theirs, ours = own[f"{mode}.points"], sample_surface(mesh, 200_000, np.random.default_rng(0))
         assert nearest(theirs[:5000], ours).max() < 0.01 * mesh.side, mode
         assert nearest(ours[:5000], theirs).max() < 0.01 * mesh.side, mode
 
 
-def read_back(drawn: list) -> dict:
-    """Our parameters from what the factory drew."""
+def params_of(drawn: list) -> dict:
+    """Our parameters from the draws of the factory."""
     places = ("bezier_middle_x", "bezier_middle_y", "bezier_end_x", "bezier_end_y")
     bezier = [value for name, value in drawn if name == "bezier"]
     return dict(zip(places, bezier, strict=True)) | {name: value for name, value in drawn if name != "bezier"}
 
 
-def test_without_seeds_there_is_no_part_of_that_name(pool):
-    assert pool.build(any_dandelion(flower_mode="no_flower")).part_names == ("stem", "core")
+def test_a_head_without_seeds_has_no_part_of_that_name(pool):
+    assert pool.build(dandelion_with(flower_mode="no_flower")).part_names == ("stem", "core")
 
 
-def test_the_stem_goes_where_its_curve_ends(pool):
-    params = any_dandelion(flower_mode="no_flower", bezier_end_x=0.5, bezier_end_y=-0.4)
+def test_the_core_is_at_the_end_of_the_stems_curve(pool):
+    params = dandelion_with(flower_mode="no_flower", bezier_end_x=0.5, bezier_end_y=-0.4)
     np.testing.assert_allclose(part(pool.build(params), "core").centre, [0.5, -0.4, 1.0], atol=0.005)
 
 
@@ -102,28 +104,28 @@ def test_the_stem_goes_where_its_curve_ends(pool):
     [((0, 0, 0, 0), 1.0), ((1, 1, 0, 0), 0.0), ((1, 0.5, 0, 0), 0.5), ((0.5, 1, 0, 0), 0.5), ((1, 0, 0, 0.5), 0.5)],
 )
 def test_seeds_are_missing_between_their_bounds(pool, bounds: tuple, left: float):
-    """The bounds are of rows and columns: below and below, above and above."""
+    """`bounds` are the upper bounds of rows and columns and then their lower bounds."""
     names = ("row_less_than", "col_less_than", "row_great_than", "col_great_than")
-    every = any_dandelion(flower_mode="sparse_flower", random_dropout=0.6, flower_num_core_segments=25)
+    every = dandelion_with(flower_mode="sparse_flower", random_dropout=0.6, flower_num_core_segments=25)
     missing = every | dict(zip(names, map(float, bounds), strict=True))
     most = seeds(pool.build(every | dict.fromkeys(names, 0.0), "light"))
     assert seeds(pool.build(missing, "light")) == pytest.approx(left * most, abs=0.12 * most)
 
 
-def test_a_light_head_keeps_every_filament(pool):
-    """Else it would look bald: each is one triangle, several centimetres long."""
-    light = part(pool.build(any_dandelion(), "light"), "seed")
+def test_a_light_head_has_every_filament(pool):
+    """A filament of a light head is one triangle of several centimetres; without them the head would look bald."""
+    light = part(pool.build(dandelion_with(), "light"), "seed")
     a, b, c = np.moveaxis(light.vertices[light.faces], 1, 0)
     longest = np.max([np.linalg.norm(x - y, axis=1) for x, y in ((a, b), (b, c), (c, a))], axis=0)
     shortest = np.min([np.linalg.norm(x - y, axis=1) for x, y in ((a, b), (b, c), (c, a))], axis=0)
-    full = part(pool.build(any_dandelion()), "seed")
+    full = part(pool.build(dandelion_with()), "seed")
     assert np.sum((longest > 0.02) & (shortest < 0.003)) >= FILAMENTS * len(full.faces) / 20_720
 
 
 @pytest.mark.parametrize("detail", ["full", "light"])
 @pytest.mark.parametrize("name", ["stem", "core"])
-def test_surfaces_look_outwards(pool, name: str, detail: str):
-    mesh = part(pool.build(any_dandelion(), detail), name)
+def test_faces_look_outwards(pool, name: str, detail: str):
+    mesh = part(pool.build(dandelion_with(), detail), name)
     a, b, c = np.moveaxis(mesh.vertices[mesh.faces] - mesh.centre, 1, 0)
     assert np.sum(a * np.cross(b, c)) > 0
 
@@ -140,6 +142,6 @@ def part(mesh: Mesh, name: str) -> Mesh:
     return Mesh(mesh.vertices[used], inverse.reshape(-1, 3).astype(np.int32), parts, (name,))
 
 
-def any_dandelion(**changes: object) -> dict:
+def dandelion_with(**changes: object) -> dict:
     middle = DANDELION.space.decode(np.zeros(len(DANDELION.space)))
     return DANDELION.space.replace(middle, {"flower_mode": "full_flower"} | changes)

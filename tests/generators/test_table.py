@@ -1,4 +1,4 @@
-"""The table beside Infinigen's own, and what its parameters promise."""
+"""The table: compared with Infinigen's own, and the effects of its parameters."""
 
 import json
 import subprocess
@@ -16,11 +16,13 @@ from dipcg.mesh import Mesh, make_mesh, weld
 from dipcg.metrics import chamfer, surface_points
 from dipcg.workers.pool import BuildPool
 
-SEEDS = (0, 5, 11, 12, 15, 20)  # of assets within the published ranges, of each style, with and without stretchers
+# Seeds of assets within the published ranges, of each style, with and without stretchers.
+SEEDS = (0, 5, 11, 12, 15, 20)
 TABLE = load_generator("table")
 pytestmark = [pytest.mark.blender, pytest.mark.skipif(bool(TABLE.missing), reason="Infinigen is not installed")]
 
-# Stands are put where the adapter has them: that they move with `top_scale` cannot be told from their own parameters.
+# This program writes Infinigen's own tables. Stands get the scale of the adapter, because in Infinigen they move with
+# `top_scale`, which has no effect here.
 DIRECT = """
 import json, os, sys
 import numpy as np
@@ -49,18 +51,18 @@ def pool() -> Iterator[BuildPool]:
         yield pool
 
 
-def test_it_is_the_table_that_infinigen_makes(pool, tmp_path: Path):
+def test_the_table_equals_infinigens_own(pool, tmp_path: Path):
     subprocess.run([sys.executable, "-c", DIRECT, str(tmp_path / "own.npz"), *map(str, SEEDS)], check=True)
     own = np.load(tmp_path / "own.npz")
     for seed in SEEDS:
         theirs = make_mesh(own[f"{seed}.vertices"], own[f"{seed}.faces"])
-        ours = pool.build(TABLE.space.validate(read_back(json.loads(str(own[f"{seed}.params"])))))
+        ours = pool.build(TABLE.space.validate(params_of(json.loads(str(own[f"{seed}.params"])))))
         assert distance(ours, theirs) < 0.01, seed
         np.testing.assert_allclose(ours.bounds, theirs.bounds, atol=0.001)
 
 
-def read_back(own: dict) -> dict:
-    """Our parameters from the factory's."""
+def params_of(own: dict) -> dict:
+    """Our parameters from those of the factory."""
     style, x = own["Leg Style"], own["Top Profile Width"] / 1.414
     ends = [width for _, width in own["Leg Curve Control Points"] or ()]
     curve = {
@@ -92,7 +94,7 @@ def read_back(own: dict) -> dict:
 
 
 def distance(a: Mesh, b: Mesh) -> float:
-    """Mean distance of the surfaces beyond what other points on one of them would give."""
+    """The chamfer distance of the surfaces, minus that of two samples of the same surface."""
     points = [surface_points(mesh, 8000, np.random.default_rng(i)) for i, mesh in enumerate((a, b, a))]
     return chamfer.measure(points[0], points[1]) - chamfer.measure(points[0], points[2])
 
@@ -101,40 +103,41 @@ def distance(a: Mesh, b: Mesh) -> float:
     ("style", "number", "legs"),
     [("single-stand", 1, 1), ("single-stand", 2, 2), ("single-stand", 4, 4), ("square", 1, 2), ("straight", 1, 4)],
 )
-def test_it_has_as_many_legs_as_the_style_says(pool, style: str, number: int, legs: int):
-    mesh = pool.build(any_table(leg_style=style, leg_number=number, leg_diameter=0.1))
-    assert pieces(mesh, "leg") == legs
+def test_the_style_decides_the_number_of_legs(pool, style: str, number: int, legs: int):
+    mesh = pool.build(table_with(leg_style=style, leg_number=number, leg_diameter=0.1))
+    assert components(mesh, "leg") == legs
 
 
 @pytest.mark.parametrize(("increment", "stretchers"), [(0, 0), (1, 4), (2, 2)])
 def test_stretchers_join_neighbours_or_diagonals(pool, increment: int, stretchers: int):
-    mesh = pool.build(any_table(leg_style="straight", strecher_increament=increment))
-    assert pieces(mesh, "stretcher") == stretchers
+    mesh = pool.build(table_with(leg_style="straight", strecher_increament=increment))
+    assert components(mesh, "stretcher") == stretchers
 
 
 @pytest.mark.parametrize("style", ["single-stand", "square", "straight"])
 @pytest.mark.parametrize("leg_height", [0.6, 1.0, 2.0])
-def test_it_stands_on_the_floor(pool, style: str, leg_height: float):
-    params = any_table(leg_style=style, leg_height=leg_height, bottom_scale=1.0)
+def test_the_table_stands_on_the_floor(pool, style: str, leg_height: float):
+    params = table_with(leg_style=style, leg_height=leg_height, bottom_scale=1.0)
     mesh = pool.build(params)
     below = params["dimension_z"] - params["top_thickness"]
-    assert mesh.bounds[0, 2] == pytest.approx(0, abs=0.02)  # the lower bar of a frame lies halfway in it
+    # The lower bar of a square frame lies halfway in the floor.
+    assert mesh.bounds[0, 2] == pytest.approx(0, abs=0.02)
     assert mesh.bounds[1, 2] == pytest.approx(leg_height * below + params["top_thickness"], abs=1e-4)
 
 
 @pytest.mark.parametrize("style", ["single-stand", "square", "straight"])
 def test_no_leg_comes_through_the_top(pool, style: str):
-    mesh = pool.build(any_table(leg_style=style, leg_diameter=1.0, top_thickness=0.02, bottom_scale=1.3))
+    mesh = pool.build(table_with(leg_style=style, leg_diameter=1.0, top_thickness=0.02, bottom_scale=1.3))
     legs = mesh.vertices[np.unique(mesh.faces[mesh.parts == mesh.part_names.index("leg")])]
     assert legs[:, 2].max() < mesh.bounds[1, 2] - 0.001
 
 
-def any_table(**changes: object) -> dict:
+def table_with(**changes: object) -> dict:
     return TABLE.space.replace(TABLE.space.decode(np.zeros(len(TABLE.space))), changes)
 
 
-def pieces(mesh: Mesh, part: str) -> int:
-    """How many connected pieces a part has."""
+def components(mesh: Mesh, part: str) -> int:
+    """The number of connected components of a part."""
     if part not in mesh.part_names:
         return 0
     welded = weld(mesh)
@@ -145,10 +148,8 @@ def pieces(mesh: Mesh, part: str) -> int:
 @pytest.mark.parametrize("detail", ["light", "full"])
 def test_tables_are_made_of_closed_solids(pool, detail):
     many = [TABLE.space.sample(np.random.default_rng(seed)) for seed in range(12)]
-    round_corners = {
-        "ngon": 4,
-        "top_profile_fillet_ratio": 0.5037310990793887,
-    }  # where some corners of fill and rim meet
+    # In this table some vertices of the fill and of the rim coincide.
+    round_corners = {"ngon": 4, "top_profile_fillet_ratio": 0.5037310990793887}
     size = {"dimension_x": 1.3175588940987344, "dimension_y": 1.995527584840894}
     many.append(TABLE.space.replace(many[0], round_corners | size))
     for params, mesh in zip(many, pool.map(many, detail), strict=True):
@@ -158,11 +159,11 @@ def test_tables_are_made_of_closed_solids(pool, detail):
         _, uses = np.unique(surface.edges_sorted, axis=0, return_counts=True)
         assert uses.min() == 2, params
         assert surface.is_watertight or detail == "light", "simplification may join two solids along an edge"
-        assert all(piece.volume > 0 for piece in surface.split()), "faces look outwards"
+        assert all(solid.volume > 0 for solid in surface.split()), "faces look outwards"
 
 
-def test_level_ends_take_the_corners_of_the_rim():
-    """A prism whose lids have corners of their own, halfway between those of its wall, with the same area around."""
+def test_caps_get_the_vertices_of_the_rim():
+    """The lids of this prism have vertices of their own, halfway between those of its wall."""
     turns = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     ring, between = (np.c_[np.cos(t), np.sin(t)] for t in (turns, turns + np.pi / 12))
     low, high = (np.c_[ring, np.full(12, z)] for z in (0.0, 1.0))
