@@ -98,5 +98,24 @@ def test_the_image_runs_a_command_that_exists() -> None:
     assert words[:1] == ["serve"]
 
 
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not in a repository")
+def test_git_ignores_no_source() -> None:
+    ignored = [
+        "git",
+        "-c",
+        "safe.directory=*",
+        "ls-files",
+        "--others",
+        "--ignored",
+        "--exclude-standard",
+        "src",
+        "tests",
+        "benchmarks",
+        "docs",
+    ]
+    names = subprocess.run(ignored, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
+    assert [name for name in names if "__pycache__" not in name] == []
+
+
 def test_the_citation_has_the_version_of_the_package() -> None:
     assert f"\nversion: {dipcg.__version__}\n" in (ROOT / "CITATION.cff").read_text()
