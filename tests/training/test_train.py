@@ -77,6 +77,14 @@ def test_in_the_last_stage_the_encoder_stays_as_it_is(data, tmp_path):
     assert torch.equal(run.model.guess.weight, run.averaged.guess.weight)
 
 
+def test_an_unfinished_checkpoint_takes_pictures_of_the_size_that_it_was_trained_on(data, tmp_path, monkeypatch):
+    monkeypatch.setattr(training, "VALIDATE_EVERY_S", 0.0)
+    for pictures, size in ((48, 16), (208, 32)):
+        with pytest.raises(KeyboardInterrupt):
+            train(data, tmp_path / "run", CONFIG, TINY, interrupt_after(pictures))
+        assert load_checkpoint(tmp_path / "run")[0].encoder.image_size == size
+
+
 def test_a_finished_run_says_so(data, tmp_path):
     train(data, tmp_path / "run", CONFIG, TINY)
     with pytest.raises(ValueError, match=r"is finished; give a larger budget \(--pictures\)"):

@@ -15,13 +15,14 @@ from pathlib import Path
 from typing import Any
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from dipcg.config import ModelConfig, TrainConfig
 from dipcg.data.shapes import Shapes, load_shapes
 from dipcg.generators import Generator
-from dipcg.model.checkpoint import load_matching, save_checkpoint
+from dipcg.model.checkpoint import load_matching, write_checkpoint
 from dipcg.model.estimators import AnyEstimator, build_estimator
 from dipcg.model.zoo import find_checkpoint
 from dipcg.training.device import choose_device, has_bfloat16
@@ -171,8 +172,9 @@ class Run:
 
     def check(self, checks: Batch) -> Validation:
         """Validate the averaged weights, write a checkpoint if they are the best of their stage, and save the state."""
-        denoiser = self.schedule.trains_denoiser(self.share)
-        found = validate(self.averaged, Batch(*(part.to(self.device) for part in checks)), denoiser)
+        denoiser, size = self.schedule.trains_denoiser(self.share), self.schedule.size(self.share)
+        checks = Batch(*(part.to(self.device) for part in checks))
+        found = validate(self.averaged, checks._replace(images=_resized(checks.images, size)), denoiser)
         stage = "denoiser" if denoiser else "guess"
         if found.loss <= self.counters["best"].get(stage, float("inf")):
             self.counters["best"][stage] = found.loss
@@ -180,7 +182,9 @@ class Run:
             config = replace(self.config, start=Path(self.config.start).name)
             about = {"train": asdict(config), "pictures": self.counters["pictures"]}
             about |= {"seconds": round(self.counters["elapsed_s"]), "validation": asdict(found)}
-            save_checkpoint(self.out, self.averaged, self.generator, self.about | about)
+            # An unfinished network knows pictures of the present size only, so its checkpoint asks for that size.
+            model = replace(self.averaged.config, image_size=size) if self.schedule.grows else self.averaged.config
+            write_checkpoint(self.out, self.averaged.state_dict(), model, self.generator, self.about | about)
         self.save()
         return found
 
@@ -250,6 +254,13 @@ def _machine(device: torch.device, processes: int) -> str:
     if device.type == "cuda":
         return f"{processes} × {torch.cuda.get_device_name(device)}"
     return f"{os.cpu_count()} cores, {platform.machine()}"
+
+
+def _resized(images: Tensor, size: int) -> Tensor:
+    """Pictures at another size; tokens of sentences as they are."""
+    if images.ndim != 4 or images.shape[-1] == size:
+        return images
+    return F.interpolate(images.float(), (size, size), mode="bilinear", antialias=True)
 
 
 def _image_size(model: AnyEstimator) -> int:
