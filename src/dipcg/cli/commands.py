@@ -19,6 +19,7 @@ from dipcg.cli.assets import edit, sample
 from dipcg.cli.dataset import dataset_build, dataset_gallery, dataset_info
 from dipcg.cli.estimate import estimate
 from dipcg.cli.evaluate import evaluate
+from dipcg.cli.examples import example_for
 from dipcg.cli.generators import generators, generators_add
 from dipcg.cli.mcmc import mcmc
 from dipcg.cli.serve import serve
@@ -64,6 +65,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words = list(sys.argv[1:] if arguments is None else arguments)
     if " ".join(words[:2]) in COMMANDS:  # tyro knows subcommands of one word
         words[:2] = [" ".join(words[:2])]
+    if example := example_for(words):
+        print(example)
     try:
         commands = COMMANDS | {"train": _trainer(words)}
         tyro.extras.subcommand_cli_from_dict(
