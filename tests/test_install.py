@@ -100,19 +100,7 @@ def test_the_image_runs_a_command_that_exists() -> None:
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not in a repository")
 def test_git_ignores_no_source() -> None:
-    ignored = [
-        "git",
-        "-c",
-        "safe.directory=*",
-        "ls-files",
-        "--others",
-        "--ignored",
-        "--exclude-standard",
-        "src",
-        "tests",
-        "benchmarks",
-        "docs",
-    ]
+    ignored = "git -c safe.directory=* ls-files --others --ignored --exclude-standard src tests benchmarks docs".split()
     names = subprocess.run(ignored, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
     assert [name for name in names if "__pycache__" not in name] == []
 
