@@ -29,7 +29,7 @@ MARKED = {
         "training/test_snapshots.py",
         "training/test_train.py",
     },
-    "blender": {"training/test_captions.py::test_a_sentence_becomes_an_asset_with_a_preview"},
+    "blender": {"training/test_captions.py::test_a_sentence_becomes_an_asset"},
 }
 
 
