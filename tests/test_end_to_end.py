@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
@@ -153,6 +154,17 @@ def test_a_killed_training_goes_on(data, tmp_path):
     # A kill loses at most the pictures since the last validation.
     assert 4 < first <= before + 4
     assert last >= before + 80
+
+
+def test_a_training_that_is_asked_to_end_saves_its_state(data, tmp_path):
+    words = ["train", "box", "--data", data, "-o", tmp_path, "--depth", "1", "--batch", "8", "--image-size", "32"]
+    child = subprocess.Popen([sys.executable, "-m", "dipcg", *words], stderr=subprocess.PIPE, text=True)
+    # TensorBoard's file is made at the first report.
+    while not list(tmp_path.glob("box/events*")) and child.poll() is None:
+        time.sleep(0.1)
+    child.terminate()
+    assert child.communicate(timeout=60)[1].endswith("Stopped.\n")
+    assert (tmp_path / "box" / "state.safetensors").is_file()
 
 
 def pictures_when_killed(data: Path, out: Path) -> int:

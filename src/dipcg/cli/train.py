@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -42,6 +43,8 @@ def train(
     if generator != info["generator"] and load_generator(generator).ref != info["ref"]:
         raise ValueError(f"{data} holds shapes of {info['generator']!r}, not of {generator!r}.")
     folder = output / info["generator"]
+    # A run that is asked to end saves its state, as an interrupted one does.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     with bar("training", 1000) as update, Log(folder, data) as log:
 
         def report(status: Any) -> None:
