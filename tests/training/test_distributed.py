@@ -1,4 +1,4 @@
-"""Several processes that train one network do what one does with all their pictures."""
+"""Distributed training: several processes give the same weights as one process with all their pictures."""
 
 import subprocess
 import sys
@@ -12,8 +12,10 @@ from dipcg.model.estimators import build_estimator
 from dipcg.training.pictures import Batch
 from dipcg.training.train import Run
 
-SENTENCES = ModelConfig(encoder="sentence", width=16, depth=1, heads=2, summary=16)  # nothing is normalised by batch
-STEPS, EACH = 3, 4
+# The encoder of sentences has no batch normalisation, whose statistics would differ between processes.
+SENTENCES = ModelConfig(encoder="sentence", width=16, depth=1, heads=2, summary=16)
+# The number of steps, and the batch size of each process.
+STEPS, BATCH = 3, 4
 
 SHARE = """
 import sys
@@ -22,24 +24,28 @@ sys.path.insert(0, sys.argv[2])
 from test_distributed import learn
 run = learn(Path(sys.argv[1]))
 import torch
-torch.save(run.model.state_dict(), f"{sys.argv[1]}/{run.team.rank}.pt")
+torch.save(run.model.state_dict(), f"{sys.argv[1]}/{run.processes.rank}.pt")
 """
 
 
 def learn(out) -> Run:
-    """A few steps on this process's share of the same batches."""
+    """Train for a few steps on the share of this process in batches that are the same for all processes."""
     torch.manual_seed(0)
     box = load_generator("box")
     run = Run(build_estimator(box.space, SENTENCES), TrainConfig(device="cpu"), out, box)
     for step in range(STEPS):
         torch.manual_seed(step)
-        whole = Batch(torch.randn(2 * EACH, 96, 384), torch.rand(2 * EACH, 12) * 2 - 1, torch.ones(2 * EACH, 8) > 0)
-        share = slice(run.team.rank * EACH, (run.team.rank + 1) * EACH) if run.team.size > 1 else slice(None)
+        whole = Batch(torch.randn(2 * BATCH, 96, 384), torch.rand(2 * BATCH, 12) * 2 - 1, torch.ones(2 * BATCH, 8) > 0)
+        share = (
+            slice(run.processes.rank * BATCH, (run.processes.rank + 1) * BATCH)
+            if run.processes.size > 1
+            else slice(None)
+        )
         run.learn(Batch(*(part[share] for part in whole)))
     return run
 
 
-def test_two_processes_learn_what_one_learns_from_all_pictures(tmp_path):
+def test_two_processes_train_the_same_weights_as_one(tmp_path):
     pytest.importorskip("accelerate")
     (tmp_path / "share.py").write_text(SHARE)
     tests = __file__.rsplit("/", 1)[0]

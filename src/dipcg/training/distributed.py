@@ -1,6 +1,7 @@
-"""Several processes that train one network, started by `accelerate launch -m dipcg train …`: one for each GPU.
+"""Distributed training: one process for each GPU, started by `accelerate launch -m dipcg train …`.
 
-Each renders its own pictures; gradients are averaged over all before each step, so their weights stay the same.
+Each process has its own batches. The gradients are averaged over all processes before each step, so that all processes
+have the same weights.
 """
 
 from __future__ import annotations
@@ -13,8 +14,12 @@ import torch
 from torch import Tensor
 
 
-class Team:
-    """The processes of one training; one of them leads: it keeps the time, validates and writes."""
+class Processes:
+    """The processes of one training run: `size` of them, of which this one has the number `rank`.
+
+    Rank 0 is the main process, which measures the time, validates and writes. Raises ModuleNotFoundError where there
+    are several processes and accelerate is not installed.
+    """
 
     def __init__(self, device: str) -> None:
         self.size = int(os.environ.get("WORLD_SIZE", "1"))
@@ -22,17 +27,17 @@ class Team:
         self.rank = self._state.process_index if self._state else 0
 
     @property
-    def leads(self) -> bool:
-        """Whether this process is the one that writes."""
+    def is_main(self) -> bool:
+        """Whether this process has rank 0."""
         return self.rank == 0
 
     @property
     def device(self) -> torch.device | None:
-        """The device of this process, None when it trains alone."""
+        """The device of this process; None for a single process."""
         return self._state.device if self._state else None
 
-    def average(self, parameters: Iterable[Tensor]) -> None:
-        """Replace each gradient by its mean over all processes, in one exchange."""
+    def average_gradients(self, parameters: Iterable[Tensor]) -> None:
+        """Replace the gradient of each parameter by its mean over all processes, in one all-reduce."""
         if not self._state:
             return
         gradients = [p.grad for p in parameters if p.grad is not None]
@@ -42,17 +47,17 @@ class Team:
         for gradient, part in zip(gradients, parts, strict=True):
             gradient.copy_(part.view_as(gradient))
 
-    def agree(self, value: float) -> float:
-        """The leader's value, for all."""
+    def broadcast(self, value: float) -> float:
+        """Broadcast a number from rank 0: return the value of the main process in every process."""
         if not self._state:
             return value
-        told = torch.tensor([value], dtype=torch.float64, device=self._state.device)
-        torch.distributed.broadcast(told, 0)
-        return float(told)
+        tensor = torch.tensor([value], dtype=torch.float64, device=self._state.device)
+        torch.distributed.broadcast(tensor, 0)
+        return float(tensor)
 
 
 def _join(device: str) -> Any:
-    """Raises ModuleNotFoundError with the command that helps when accelerate is not installed."""
+    """Join the process group. Raises ModuleNotFoundError with the command that installs accelerate."""
     try:
         from accelerate import PartialState
     except ModuleNotFoundError as error:

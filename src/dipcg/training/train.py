@@ -26,7 +26,7 @@ from dipcg.model.checkpoint import load_matching, write_checkpoint
 from dipcg.model.estimators import AnyEstimator, build_estimator
 from dipcg.model.zoo import find_checkpoint
 from dipcg.training.device import choose_device, has_bfloat16
-from dipcg.training.distributed import Team
+from dipcg.training.distributed import Processes
 from dipcg.training.muon import Muon, matrices
 from dipcg.training.pictures import SLOTS, USES, Batch, BatchSource, Pictures
 from dipcg.training.recipes import published_views
@@ -77,15 +77,15 @@ def train(
     generator, shapes = load_shapes(data, "train")
     shapes = shapes.first(config.shapes or len(shapes.x))
     run = Run(build_estimator(generator.space, model_config), config, Path(out), generator)
-    run.about |= {"shapes": len(shapes.x), "machine": _machine(run.device, run.team.size)}
+    run.about |= {"shapes": len(shapes.x), "machine": _machine(run.device, run.processes.size)}
     checks = _validation_batch(data, run)
     # Every process sees other pictures and draws other noise.
-    own = replace(config, seed=config.seed + 1000 * run.team.rank)
+    own = replace(config, seed=config.seed + 1000 * run.processes.rank)
     source = _source(generator, shapes, run, own)
     try:
         with Threads() as threads:
             for status in run.steps(source, checks, threads.adapt):
-                if run.team.leads:
+                if run.processes.is_main:
                     report(status)
     finally:
         source.close()
@@ -97,8 +97,8 @@ class Run:
 
     def __init__(self, model: AnyEstimator, config: TrainConfig, out: Path, generator: Generator) -> None:
         self.config, self.out, self.generator = config, out, generator
-        self.team = Team(config.device)
-        self.device = self.team.device or choose_device(config.device)
+        self.processes = Processes(config.device)
+        self.device = self.processes.device or choose_device(config.device)
         # What a card says besides.
         self.about: dict[str, Any] = {}
         if config.start:
@@ -132,16 +132,16 @@ class Run:
                 waited += time.monotonic() - asked
                 loss = self.learn(batch)
                 now = time.monotonic()
-                self.counters["elapsed_s"] = self.team.agree(before["elapsed_s"] + now - started)
+                self.counters["elapsed_s"] = self.processes.broadcast(before["elapsed_s"] + now - started)
                 found = None
                 if now - checked > VALIDATE_EVERY_S or self.share >= 1:
-                    found, checked = self.check(checks) if self.team.leads else None, now
+                    found, checked = self.check(checks) if self.processes.is_main else None, now
                 if found or self.counters["step"] % REPORT_EVERY == 0:
                     rate = (self.counters["pictures"] - before["pictures"]) / (now - started)
                     yield Status(self.share, self.counters["pictures"], loss, rate, waited / (now - started), found)
         # The second is raised here when whoever takes the reports is interrupted.
         except (KeyboardInterrupt, GeneratorExit):
-            if self.team.leads:
+            if self.processes.is_main:
                 self.save()
             raise
 
@@ -152,7 +152,7 @@ class Run:
             for group in optimiser.param_groups:
                 group["lr"] = optimiser.defaults["lr"] * self.schedule.rate(share)
         self._set_stage(self.schedule.trains_denoiser(share))
-        torch.manual_seed(self.config.seed + 1000 * self.team.rank + self.counters["step"])
+        torch.manual_seed(self.config.seed + 1000 * self.processes.rank + self.counters["step"])
         loss = self._loss(Batch(*(part.to(self.device, non_blocking=True) for part in batch)))
         if not torch.isfinite(loss):
             raise TrainingError(
@@ -161,13 +161,13 @@ class Run:
             )
         self.model.zero_grad()
         loss.backward()
-        self.team.average(self.model.parameters())
+        self.processes.average_gradients(self.model.parameters())
         torch.nn.utils.clip_grad_norm_(self.model.parameters(), 1.0)
         for optimiser in self.optimisers.values():
             optimiser.step()
         self._average()
         self.counters["step"] += 1
-        self.counters["pictures"] += self.team.size * len(batch.x)
+        self.counters["pictures"] += self.processes.size * len(batch.x)
         return float(loss.detach())
 
     def check(self, checks: Batch) -> Validation:
