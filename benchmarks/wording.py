@@ -66,7 +66,7 @@ def true(inverter: Inverter) -> list[str]:
     """Of what captions say, how much is so in the network's first guess, as a choice and as a half of a range."""
     generator, rng = inverter.generator, np.random.default_rng(5)
     many = [generator.space.sample(rng) for _ in range(CAPTIONS)]
-    told = [captions.tell(generator, params, rng) for params in many]
+    told = [captions.labelled_caption(generator, params, rng) for params in many]
     features = inverter.model.encoder(embed([sentence for sentence, _ in told]))
     guessed = inverter.model.outputs.modes(inverter.model.first_guess(features)).double().numpy()
     right: dict[bool, list[bool]] = {True: [], False: []}
@@ -74,7 +74,7 @@ def true(inverter: Inverter) -> list[str]:
         found = generator.space.decode(x[: len(generator.space)])
         for name in names:
             parameter = generator.space[name]
-            so = _is_so(parameter, captions.says(parameter, params[name]), found[name])
+            so = _is_so(parameter, captions.value_label(parameter, params[name]), found[name])
             right[isinstance(parameter, Choice)].append(so and generator.space.is_active(name, found))
     return [f"{np.mean(right[kind]):.0%} of {len(right[kind])}" if right[kind] else "" for kind in (True, False)]
 

@@ -1,4 +1,4 @@
-"""Words: captions say what is true of an asset, and the tokens of a sentence do not depend on what is read with it."""
+"""Sentences: captions are true, tokens do not depend on the batch, and estimates and recognition follow the text."""
 
 import numpy as np
 import pytest
@@ -12,87 +12,88 @@ from dipcg.generators import load_generator
 from dipcg.model.zoo import CheckpointError, find_checkpoint, shipped
 from dipcg.pipeline import Inverter
 from dipcg.space import Choice
-from dipcg.training.captions import FOLDER, MOST, caption, load_words, reworded, says
+from dipcg.training.captions import FOLDER, MAX_PHRASES, caption, load_words, paraphrase, value_label
 
 DESCRIBED = sorted(path.stem for path in FOLDER.glob("[a-z]*.toml"))
 
 
 @pytest.mark.parametrize("name", registry.names("generators"))
-def test_words_belong_to_parameters_and_their_options(name):
+def test_phrases_have_the_names_of_parameters_and_the_labels_of_their_values(name):
     generator = load_generator(name)
     nouns, phrases = load_words(generator)
     assert nouns
-    for parameter, by_value in phrases.items():
-        declared = generator.space[parameter]
-        options = set(map(str, declared.options)) if isinstance(declared, Choice) else {"low", "high"}
-        assert set(by_value) <= options
-        assert all(said and not said[0].isupper() for phrase in by_value.values() for said in phrase)
+    for name, by_label in phrases.items():
+        parameter = generator.space[name]
+        labels = set(map(str, parameter.options)) if isinstance(parameter, Choice) else {"low", "high"}
+        assert set(by_label) <= labels
+        assert all(phrase and not phrase[0].isupper() for many in by_label.values() for phrase in many)
 
 
 @pytest.mark.parametrize("name", registry.names("generators"))
-def test_no_phrase_stands_for_two_values_of_a_parameter(name):
-    for by_value in load_words(load_generator(name))[1].values():
-        said = [phrase for phrases in by_value.values() for phrase in phrases]
-        assert len(said) == len(set(said))
+def test_no_phrase_describes_two_values_of_a_parameter(name):
+    for by_label in load_words(load_generator(name))[1].values():
+        phrases = [phrase for many in by_label.values() for phrase in many]
+        assert len(phrases) == len(set(phrases))
 
 
 @pytest.mark.parametrize("name", DESCRIBED)
-def test_a_caption_says_only_what_is_true(name, monkeypatch):
-    monkeypatch.setattr("dipcg.training.captions.reworded", lambda generator, phrase, rng: phrase)
+def test_a_caption_has_only_phrases_that_are_true(name, monkeypatch):
+    monkeypatch.setattr("dipcg.training.captions.paraphrase", lambda generator, phrase, rng: phrase)
     generator, rng = load_generator(name), np.random.default_rng(0)
     _, phrases = load_words(generator)
     for _ in range(50):
         params = generator.space.sample(rng)
-        words = caption(generator, params, rng)
+        sentence = caption(generator, params, rng)
         for parameter in generator.space:
-            told = says(parameter, params[parameter.name])
+            label = value_label(parameter, params[parameter.name])
             active = generator.space.is_active(parameter.name, params)
-            others = [v for v in phrases.get(parameter.name, {}) if v != told or not active]
-            wrong = {phrase for value in others for phrase in phrases[parameter.name][value]}
-            assert not wrong & set(_pieces(words, phrases)), words
+            others = [other for other in phrases.get(parameter.name, {}) if other != label or not active]
+            wrong = {phrase for other in others for phrase in phrases[parameter.name][other]}
+            assert not wrong & set(phrases_in(sentence, phrases)), sentence
 
 
-def _pieces(words: str, phrases) -> list[str]:
-    """The phrases that a caption is made of: the longest that fit, since one may be the beginning of another."""
-    known = sorted({p for by_value in phrases.values() for many in by_value.values() for p in many}, key=len)
-    found = []
-    for phrase in reversed(known):
-        if f" {phrase} " in f" {words.replace(',', ' ,')} ".replace(" ,", " "):
-            found.append(phrase)
-            words = words.replace(phrase, "|")
-    return found
+def phrases_in(sentence: str, phrases) -> list[str]:
+    """The phrases in a caption, the longest first, because a phrase may be the beginning of another."""
+    by_length = sorted({p for by_label in phrases.values() for many in by_label.values() for p in many}, key=len)
+    contained = []
+    for phrase in reversed(by_length):
+        if f" {phrase} " in f" {sentence.replace(',', ' ,')} ".replace(" ,", " "):
+            contained.append(phrase)
+            sentence = sentence.replace(phrase, "|")
+    return contained
 
 
 @pytest.mark.parametrize("name", DESCRIBED)
-def test_a_phrase_in_other_words_never_becomes_the_phrase_for_something_else(name):
+def test_a_paraphrase_is_never_another_phrase_of_the_generator(name):
     generator, rng = load_generator(name), np.random.default_rng(0)
-    every = [phrase for by_value in load_words(generator)[1].values() for many in by_value.values() for phrase in many]
-    said = [(phrase, reworded(generator, phrase, rng)) for phrase in every]
-    other = {new for phrase, new in said if new != phrase}
-    assert len(other) > len(every) / 10
-    assert not other & set(every)
+    phrases = [
+        phrase for by_label in load_words(generator)[1].values() for many in by_label.values() for phrase in many
+    ]
+    pairs = [(phrase, paraphrase(generator, phrase, rng)) for phrase in phrases]
+    changed = {new for phrase, new in pairs if new != phrase}
+    assert len(changed) > len(phrases) / 10
+    assert not changed & set(phrases)
 
 
-def test_words_are_put_in_others_where_the_thesaurus_has_some_and_articles_follow(monkeypatch):
-    monkeypatch.setattr("dipcg.training.captions.REWORDED", 1)
+def test_synonyms_replace_words_and_articles_fit_them(monkeypatch):
+    monkeypatch.setattr("dipcg.training.captions.SYNONYM_PROBABILITY", 1)
     monkeypatch.setattr("dipcg.training.captions._load_thesaurus", lambda: ({"thick": ["ample"]}, {"with": ["having"]}))
     table, rng = load_generator("table"), np.random.default_rng(0)
-    assert (
-        reworded(table, "with a thick, thick-edged top with feet", rng) == "having an ample, ample-edged top with feet"
-    )
-    assert reworded(table, "as round as a pebble", rng) == "as round as a pebble"
-    assert reworded(table, "'thick' in every way", rng) == "'ample' in every way"
+    expected = "having an ample, ample-edged top with feet"
+    assert paraphrase(table, "with a thick, thick-edged top with feet", rng) == expected
+    assert paraphrase(table, "as round as a pebble", rng) == "as round as a pebble"
+    assert paraphrase(table, "'thick' in every way", rng) == "'ample' in every way"
 
 
 def test_captions_of_one_asset_differ_and_the_same_seed_gives_the_same():
     chair = load_generator("chair")
     params = chair.space.sample(np.random.default_rng(0))
-    said = {caption(chair, params, np.random.default_rng(seed)) for seed in range(20)}
-    assert len(said) > 15
+    captions = {caption(chair, params, np.random.default_rng(seed)) for seed in range(20)}
+    assert len(captions) > 15
     assert caption(chair, params, np.random.default_rng(3)) == caption(chair, params, np.random.default_rng(3))
 
 
-def test_tokens_do_not_depend_on_the_other_sentences_and_are_zero_after_the_end():
+def test_tokens_do_not_depend_on_the_batch_and_are_padded_with_zeros():
     sentence = pytest.importorskip("dipcg.encoders.sentence")
     alone = sentence.embed(["a tall chair"])
     beside = sentence.embed(["a tall chair", "a chair with a ladder back and arms that are thick and low"])
@@ -103,45 +104,45 @@ def test_tokens_do_not_depend_on_the_other_sentences_and_are_zero_after_the_end(
     assert sentence.embed(["chair " * 500]).shape == (1, sentence.LENGTH, sentence.CHANNELS)
 
 
-# What training sees
+# Batches of training
 
 
-def test_phrases_read_alone_are_put_one_after_the_other():
+def test_the_tokens_of_phrases_are_concatenated():
     pytest.importorskip("transformers")
-    from dipcg.training.sentences import Phrases
+    from dipcg.training.sentences import PhraseEncoder
 
-    read = Phrases()
-    both, one = read([["a chair", "with arms"], ["with arms"]])
+    encode = PhraseEncoder()
+    both, one = encode([["a chair", "with arms"], ["with arms"]])
     length = int((one.abs().sum(1) > 0).sum())
     before = int((both.abs().sum(1) > 0).sum()) - length
-    assert length == 2, "without the marks of a sentence's ends"
+    assert length == 2, "a phrase has no start and no end token"
     torch.testing.assert_close(both[before : before + length], one[:length])
     assert (both[before + length :] == 0).all()
-    assert read([["a chair"] * 100]).shape == read([["a chair"]]).shape, "what is too long is cut"
+    assert encode([["a chair"] * 100]).shape == encode([["a chair"]]).shape, "tokens are truncated"
 
 
 @pytest.mark.parametrize("batch", [1, 8])
-def test_a_batch_of_sentences_asks_for_what_is_said_of_shapes_that_are_there(batch):
+def test_a_batch_of_sentences_counts_described_parameters_of_the_given_shapes(batch):
     pytest.importorskip("transformers")
     from dipcg.encoders.sentence import CHANNELS, LENGTH
-    from dipcg.training.sentences import UNSAID, Sentences
+    from dipcg.training.sentences import UNDESCRIBED_PROBABILITY, Sentences
 
     chair, rng = load_generator("chair"), np.random.default_rng(0)
     many = [chair.space.sample(rng) for _ in range(5)]
     x, active = (np.stack([of(params) for params in many]) for of in (chair.space.encode, chair.space.active))
-    told = Sentences(chair, Shapes([b""] * 5, x.astype(np.float32), active), batch).batch(0)
-    assert told.images.shape == (batch, LENGTH, CHANNELS)
-    for row, wanted in zip(told.x[:, : len(chair.space)].numpy(), told.active.numpy(), strict=True):
+    sentences = Sentences(chair, Shapes([b""] * 5, x.astype(np.float32), active), batch).batch(0)
+    assert sentences.images.shape == (batch, LENGTH, CHANNELS)
+    for row, counted in zip(sentences.x[:, : len(chair.space)].numpy(), sentences.active.numpy(), strict=True):
         shape = int(np.abs(x - row).sum(1).argmin())
         np.testing.assert_allclose(row, x[shape], atol=1e-6)
-        assert not (wanted & ~active[shape]).any(), "nobody asks for what does nothing"
-        assert wanted.sum() <= MOST + 5 * UNSAID * active[shape].sum()
+        assert not (counted & ~active[shape]).any(), "inactive parameters do not count"
+        assert counted.sum() <= MAX_PHRASES + 5 * UNDESCRIBED_PROBABILITY * active[shape].sum()
 
 
 # The checkpoints that ship
 
 
-def test_every_generator_that_ships_reads_words_too():
+def test_every_shipped_generator_has_a_checkpoint_for_sentences():
     assert [find_checkpoint(name, "text").name for name in shipped()] == shipped()
     with pytest.raises(CheckpointError, match="no checkpoint that reads words for 'box'"):
         find_checkpoint("box", "text")
@@ -164,13 +165,13 @@ def test_opposite_sentences_give_opposite_options(generator, one, other, paramet
     assert (first, second) == options[parameter]
 
 
-def test_a_sentence_becomes_an_asset_with_its_picture(tmp_path, capsys):
+def test_a_sentence_becomes_an_asset_with_a_preview(tmp_path, capsys):
     pytest.importorskip("transformers")
     words = ["--text", "a daisy with broad petals", "-g", "flower", "-o", str(tmp_path / "a.glb")]
     main(["estimate", *words, "--light", "--preview", str(tmp_path / "a.png")])
     assert (tmp_path / "a.glb").stat().st_size > 1000
     width, height = Image.open(tmp_path / "a.png").size
-    assert width == 2 * height, "two sides of it, and no photo"
+    assert width == 2 * height, "the preview shows two sides and no photo"
     assert "Loading" not in capsys.readouterr().err
 
 
@@ -186,7 +187,7 @@ def test_a_sentence_becomes_an_asset_with_its_picture(tmp_path, capsys):
         ("a dandelion clock whose seeds are half blown away", "dandelion"),
     ],
 )
-def test_the_generator_is_recognised_in_the_sentence(sentence, name):
+def test_the_generator_of_a_sentence_is_recognised(sentence, name):
     pytest.importorskip("transformers")
     from dipcg.inference.recognise_text import recognise_text
 
@@ -198,7 +199,7 @@ def test_the_generator_is_recognised_in_the_sentence(sentence, name):
     assert sum(two.values()) == pytest.approx(1)
 
 
-def test_the_classifier_of_sentences_that_ships_knows_all_that_ship():
+def test_the_shipped_classifier_of_sentences_covers_all_shipped_generators():
     from dipcg.inference.classifier import read_classifier
     from dipcg.inference.recognise_text import ENCODER, FILE
 
@@ -206,7 +207,7 @@ def test_the_classifier_of_sentences_that_ships_knows_all_that_ship():
     assert (sorted(classifier.names), classifier.encoder) == (shipped(), ENCODER)
 
 
-def test_a_classifier_of_captions_is_right_about_others():
+def test_a_classifier_fitted_on_captions_recognises_unseen_captions():
     pytest.importorskip("transformers")
     from dipcg.inference.recognise_text import summaries
     from dipcg.training.fit_text import captions, fit
@@ -217,7 +218,7 @@ def test_a_classifier_of_captions_is_right_about_others():
     assert np.mean([name == "flower" for name in likeliest]) > 0.9
 
 
-def test_a_generator_that_words_cannot_tell_apart_has_to_be_named():
+def test_a_sentence_for_a_generator_without_a_class_is_refused():
     pytest.importorskip("transformers")
     from dipcg.inference.recognise_text import recognise_text
 

@@ -1,9 +1,9 @@
-"""Sentences that describe parameters: a small grammar from the names, options and quantiles of a declared space.
+"""Captions: sentences that describe parameters, written by a small grammar from the declaration of a parameter space.
 
-`words/NAME.toml` gives a generator phrases of its own: for options of a choice, and for the low and the high end of a
-real parameter. A generator without such a file is described with the names of its parameters. `words/_thesaurus.toml`
-has words that may stand for one another in any phrase, `words/_chatter.toml` what people say besides, which tells
-nothing of the shape and is to be heard as such.
+`words/NAME.toml` has the phrases of a generator: for the options of a choice, and for low and high values of a real
+parameter. The phrases of a generator without such a file are made from the names of its parameters.
+`words/_thesaurus.toml` has synonyms that may replace words in any phrase. `words/_chatter.toml` has filler, which says
+nothing about the shape, so that an estimator learns to ignore it.
 """
 
 from __future__ import annotations
@@ -21,27 +21,37 @@ import numpy as np
 from dipcg.generators import Generator
 from dipcg.space import Choice, Parameter, Params, Real
 
+# The folder of the phrase files.
 FOLDER = Path(__file__).parent / "words"
-LOW, HIGH = 0.25, 0.75  # quantiles from which a real parameter is worth a word
-AFTER = {  # words that phrases begin with which follow the noun
+# The quantiles of a real parameter up to which a value is low, and from which it is high. Others are not described.
+LOW, HIGH = 0.25, 0.75
+# A phrase that begins with one of these words follows the noun.
+AFTER_NOUN = {
     "with", "without", "on", "that", "no", "close", "leaning", "whose", "having", "standing", "where", "like", "for",
     "of", "about", "under", "over", "less", "more", "in", "not", "minus", "made", "as", "featuring", "which",
     "showing", "sporting", "it", "has", "and", "lacking", "free",
 }  # fmt: skip
-MOST = 7  # things said in one sentence
-REWORDED = 0.4  # how often a word of a phrase is put in others, where the thesaurus has some
-WORDINGS = 8  # of each phrase
-CHATTER = 0.4  # how often something is said before, after, and in between
+# The highest number of parameters that one sentence describes.
+MAX_PHRASES = 7
+# The probability that a word of a phrase is replaced by a synonym, where the thesaurus has one.
+SYNONYM_PROBABILITY = 0.4
+# The number of paraphrases of each phrase.
+PARAPHRASES = 8
+# The probability of each part of the filler: an opening, an ending and an adjective.
+FILLER_PROBABILITY = 0.4
+# The probability of a list of phrases in place of a sentence, as people type into a search box.
+LIST_PROBABILITY = 0.3
 
+# The phrases of a generator, by parameter and by the label of its value (`value_label`).
 Phrases = Mapping[str, Mapping[str, Sequence[str]]]
 
 
 def load_words(generator: Generator) -> tuple[list[str], Phrases]:
-    """The nouns for a generator's asset, and the phrases for each parameter."""
-    given = dict(_load_phrases(generator.name))
-    nouns = given.pop("nouns", [generator.name])
-    given.pop("only", None)
-    return nouns, given or {p.name: _plain_words(p) for p in generator.space}
+    """The nouns for an asset of a generator, and its phrases."""
+    phrases = dict(_load_phrases(generator.name))
+    nouns = phrases.pop("nouns", [generator.name])
+    phrases.pop("only", None)
+    return nouns, phrases or {p.name: _default_phrases(p) for p in generator.space}
 
 
 @cache
@@ -50,8 +60,8 @@ def _load_phrases(generator: str) -> dict[str, Any]:
     return tomllib.loads(path.read_text()) if path.is_file() else {}
 
 
-def says(parameter: Parameter, value: object) -> str | None:
-    """The word of `words/NAME.toml` that a value stands under: its option, low, high, or None for the middle."""
+def value_label(parameter: Parameter, value: object) -> str | None:
+    """The key of a value in `words/NAME.toml`: the option of a choice; "low", "high" or None of a real parameter."""
     if isinstance(parameter, Choice):
         return str(value)
     share = (float(value) - parameter.low) / (parameter.high - parameter.low)  # type: ignore[arg-type]
@@ -59,106 +69,111 @@ def says(parameter: Parameter, value: object) -> str | None:
 
 
 def caption(generator: Generator, params: Params, rng: np.random.Generator, nouns: Sequence[str] | None = None) -> str:
-    """One of many sentences about an asset: a random few of the things that are true of it.
+    """A random sentence about some of the parameters of an asset.
 
-    It is called by one of the generator's nouns, unless others are given.
+    Its noun is one of `nouns`, or one of the generator's nouns.
     """
-    return tell(generator, params, rng, nouns)[0]
+    return labelled_caption(generator, params, rng, nouns)[0]
 
 
-def tell(
+def labelled_caption(
     generator: Generator, params: Params, rng: np.random.Generator, nouns: Sequence[str] | None = None
 ) -> tuple[str, list[str]]:
-    """A caption, and the names of the parameters that it says something about."""
-    noun, parts, names = _chosen(generator, params, rng, nouns)
-    return _with_chatter(noun, parts, rng), names
+    """A caption, and the names of the parameters that it describes."""
+    noun, phrases, names = _sample_phrases(generator, params, rng, nouns)
+    return _with_filler(noun, phrases, rng), names
 
 
-def pieces(generator: Generator, params: Params, rng: np.random.Generator) -> tuple[list[str], list[str]]:
-    """What a caption is made of, noun, phrases and chatter in any order, and the names of the parameters told."""
-    noun, parts, names = _chosen(generator, params, rng)
-    return _shuffled([noun, *parts, *filter(None, _chatter(rng))], rng), names
+def caption_phrases(generator: Generator, params: Params, rng: np.random.Generator) -> tuple[list[str], list[str]]:
+    """The noun, the phrases and the filler of a caption in random order, and the names of the described parameters."""
+    noun, phrases, names = _sample_phrases(generator, params, rng)
+    return _shuffled([noun, *phrases, *filter(None, _filler(rng))], rng), names
 
 
-def _chosen(
+def _sample_phrases(
     generator: Generator, params: Params, rng: np.random.Generator, nouns: Sequence[str] | None = None
 ) -> tuple[str, list[str], list[str]]:
-    """A noun, a random few of the phrases that are true, and the parameters that they are about."""
-    own, phrases = load_words(generator)
+    """A noun, some phrases that are true of the parameters, and the names of the parameters that they describe."""
+    own_nouns, phrases = load_words(generator)
     space = generator.space
-    active = [p for p, on in zip(space, space.active(params), strict=True) if on and _may_be_told(generator, p, params)]
-    true = [(p.name, said) for p in active if (said := says(p, params[p.name])) in phrases.get(p.name, ())]
-    chosen = [true[i] for i in rng.permutation(len(true))[: rng.integers(1, MOST + 1)]]
-    parts = [reworded(generator, _one(phrases[name][said], rng), rng) for name, said in chosen]
-    return _one(nouns or own, rng), parts, [name for name, _ in chosen]
+    active = [p for p, on in zip(space, space.active(params), strict=True) if on and _is_allowed(generator, p, params)]
+    labels = [(p.name, label) for p in active if (label := value_label(p, params[p.name])) in phrases.get(p.name, ())]
+    chosen = [labels[i] for i in rng.permutation(len(labels))[: rng.integers(1, MAX_PHRASES + 1)]]
+    texts = [paraphrase(generator, _pick(phrases[name][label], rng), rng) for name, label in chosen]
+    return _pick(nouns or own_nouns, rng), texts, [name for name, _ in chosen]
 
 
-def reworded(generator: Generator, phrase: str, rng: np.random.Generator) -> str:
-    """The phrase, often with a few of its words put in others."""
-    return _one(_wordings(generator.name, phrase), rng)
+def paraphrase(generator: Generator, phrase: str, rng: np.random.Generator) -> str:
+    """A random paraphrase of a phrase, in which synonyms replace some words."""
+    return _pick(_paraphrases(generator.name, phrase), rng)
 
 
 @cache
-def _wordings(generator: str, phrase: str) -> list[str]:
-    """Some wordings of a phrase, always the same ones, since each has to be read once; none stands for another."""
+def _paraphrases(generator: str, phrase: str) -> list[str]:
+    """The paraphrases of a phrase, without any that is another phrase of the generator.
+
+    They depend on the phrase alone, because each has to be encoded once.
+    """
     rng = np.random.default_rng(crc32(phrase.encode()))
-    said = [_in_other_words(phrase, rng) for _ in range(WORDINGS)]
-    return [phrase if words in _known(generator) else words for words in said]
+    candidates = [_with_synonyms(phrase, rng) for _ in range(PARAPHRASES)]
+    return [phrase if text in _all_phrases(generator) else text for text in candidates]
 
 
-def _in_other_words(phrase: str, rng: np.random.Generator) -> str:
+def _with_synonyms(phrase: str, rng: np.random.Generator) -> str:
     anywhere, first = _load_thesaurus()
     words = re.split(r"(\W+)", phrase)
     for i, word in enumerate(words):
-        others = first.get(word) if i == 0 and word in first else anywhere.get(word)
-        if others and rng.random() < REWORDED:
-            words[i] = _one(others, rng)
+        synonyms = first.get(word) if i == 0 and word in first else anywhere.get(word)
+        if synonyms and rng.random() < SYNONYM_PROBABILITY:
+            words[i] = _pick(synonyms, rng)
+    # The article has to fit the new word.
     return re.sub(r"\ba(?= [aeiou])", "an", re.sub(r"\ban(?= [^aeiou\W])", "a", "".join(words)))
 
 
 @cache
-def _known(generator: str) -> frozenset[str]:
-    """Every phrase of a generator's file."""
+def _all_phrases(generator: str) -> frozenset[str]:
+    """All phrases in the file of a generator."""
     tables = [table for name, table in _load_phrases(generator).items() if name not in ("nouns", "only")]
-    return frozenset(said for by_value in tables for phrases in by_value.values() for said in phrases)
+    return frozenset(phrase for by_label in tables for phrases in by_label.values() for phrase in phrases)
 
 
-def _may_be_told(generator: Generator, parameter: Parameter, params: Params) -> bool:
-    """Whether the conditions hold that the words file's table `only` sets for phrases about a parameter.
+def _is_allowed(generator: Generator, parameter: Parameter, params: Params) -> bool:
+    """Whether the conditions hold that the table `only` of the generator's file sets for phrases of a parameter.
 
-    They name options of a choice, and of a real parameter low, middle and high.
+    A condition lists options of a choice, or "low", "middle" and "high" of a real parameter.
     """
     conditions = _load_phrases(generator.name).get("only", {}).get(parameter.name, {})
     space = generator.space
-    return all((says(space[name], params[name]) or "middle") in options for name, options in conditions.items())
+    return all((value_label(space[name], params[name]) or "middle") in options for name, options in conditions.items())
 
 
-def _with_chatter(noun: str, parts: list[str], rng: np.random.Generator) -> str:
-    opening, ending, adjective = _chatter(rng)
-    said = _sentence(noun, [adjective, *parts] if adjective else parts, rng)
-    return " ".join(f"{opening} {said} {ending}".split())
+def _with_filler(noun: str, phrases: list[str], rng: np.random.Generator) -> str:
+    opening, ending, adjective = _filler(rng)
+    sentence = _sentence(noun, [adjective, *phrases] if adjective else phrases, rng)
+    return " ".join(f"{opening} {sentence} {ending}".split())
 
 
-def _chatter(rng: np.random.Generator) -> tuple[str, str, str]:
-    """An opening, an ending and an adjective, each of them mostly empty."""
+def _filler(rng: np.random.Generator) -> tuple[str, str, str]:
+    """An opening, an ending and an adjective, each of which is often empty."""
     opening, ending, adjective = (
-        _one(chatter, rng) if chatter and rng.random() < CHATTER else "" for chatter in _load_chatter()
+        _pick(filler, rng) if filler and rng.random() < FILLER_PROBABILITY else "" for filler in _load_filler()
     )
     return opening, ending, adjective
 
 
-def _sentence(noun: str, parts: list[str], rng: np.random.Generator) -> str:
-    after = [part for part in parts if part.split()[0] in AFTER]
-    before = [part for part in parts if part not in after]
-    if rng.random() < 0.3:  # as people type into a search box
-        return ", ".join(_shuffled([noun, *parts], rng))
-    start = " ".join([_one(["a", "one", ""], rng), ", ".join(before), noun])
-    joined = _one([" and ", ", ", " "], rng).join(after)
+def _sentence(noun: str, phrases: list[str], rng: np.random.Generator) -> str:
+    after = [phrase for phrase in phrases if phrase.split()[0] in AFTER_NOUN]
+    before = [phrase for phrase in phrases if phrase not in after]
+    if rng.random() < LIST_PROBABILITY:
+        return ", ".join(_shuffled([noun, *phrases], rng))
+    start = " ".join([_pick(["a", "one", ""], rng), ", ".join(before), noun])
+    joined = _pick([" and ", ", ", " "], rng).join(after)
     return " ".join(f"{start} {joined}".split())
 
 
-def _one(options: Sequence[str], rng: np.random.Generator) -> str:
-    return options[int(rng.integers(len(options)))]  # `choice` would make an array of them each time
+def _pick(options: Sequence[str], rng: np.random.Generator) -> str:
+    # `rng.choice` would make an array of the options in each call.
+    return options[int(rng.integers(len(options)))]
 
 
 def _shuffled(words: list[str], rng: np.random.Generator) -> list[str]:
@@ -167,19 +182,19 @@ def _shuffled(words: list[str], rng: np.random.Generator) -> list[str]:
 
 @cache
 def _load_thesaurus() -> tuple[dict[str, list[str]], dict[str, list[str]]]:
-    """What may stand for a word anywhere, and what at the beginning of a phrase."""
-    found = tomllib.loads((FOLDER / "_thesaurus.toml").read_text())
-    return found["adjectives"] | found["quantities"] | found["things"], found["joints"]
+    """The synonyms of words anywhere in a phrase, and those of words at its beginning."""
+    tables = tomllib.loads((FOLDER / "_thesaurus.toml").read_text())
+    return tables["adjectives"] | tables["quantities"] | tables["things"], tables["joints"]
 
 
 @cache
-def _load_chatter() -> tuple[list[str], list[str], list[str]]:
-    found = tomllib.loads((FOLDER / "_chatter.toml").read_text())
-    return found["openings"], found["endings"], found["adjectives"]
+def _load_filler() -> tuple[list[str], list[str], list[str]]:
+    tables = tomllib.loads((FOLDER / "_chatter.toml").read_text())
+    return tables["openings"], tables["endings"], tables["adjectives"]
 
 
-def _plain_words(parameter: Parameter) -> dict[str, list[str]]:
-    """Phrases from the parameter's own name."""
+def _default_phrases(parameter: Parameter) -> dict[str, list[str]]:
+    """Phrases from the name of a parameter and its options."""
     name = parameter.name.replace("_", " ")
     if isinstance(parameter, Real):
         return {"low": [f"with low {name}", f"with little {name}"], "high": [f"with high {name}", f"with much {name}"]}

@@ -1,4 +1,4 @@
-"""Training input of words: sentences about stored parameters, written while training, never twice the same."""
+"""Training input for encoders of sentences: batches of captions of a data set's parameters, written during training."""
 
 from __future__ import annotations
 
@@ -12,115 +12,122 @@ from dipcg.data.shapes import Shapes
 from dipcg.encoders.sentence import CHANNELS, LENGTH, embed
 from dipcg.generators import Generator
 from dipcg.space import Params
-from dipcg.training.captions import pieces, tell
+from dipcg.training.captions import caption_phrases, labelled_caption
 from dipcg.training.pictures import Batch
 
-RECENT = 4096  # sentences kept for another use
-UNSAID = 0.05  # share of what a sentence does not say that is asked for all the same, so that a usual value is learnt
-COMPOSED = 0.75  # share of a batch that is put together from phrases
-UNHEARD = 0.15  # share of tokens left out at most, others at each use: no sentence is to be learnt by heart
+# The number of encoded sentences in memory.
+BUFFER = 4096
+# The probability that the loss counts a parameter that the sentence does not describe, so that usual values are learnt.
+UNDESCRIBED_PROBABILITY = 0.05
+# The share of a batch that is composed of phrases which were encoded alone.
+COMPOSED_FRACTION = 0.75
+# The highest rate of token dropout. Each use of a sentence draws a rate below it, which reduces overfitting.
+TOKEN_DROPOUT = 0.15
 
 
 class Sentences:
-    """Batches whose `images` are the tokens of sentences; words say nothing of the camera.
+    """Batches whose `images` are the tokens of sentences, and whose camera is zero because sentences have none.
 
-    Reading a sentence takes longer than learning from it, so each is used about `repeats` times, and most of a batch
-    is made of phrases that were read alone, of which there are only some thousands, put together anew each time. A
-    batch counts as active what the sentence says and a little of what it does not.
+    Encoding a sentence takes longer than a training step on it. Each sentence is therefore used about `repeats` times,
+    and most of a batch is composed of phrases that were encoded alone, in a new combination each time. The parameters
+    that count as active are those that the sentence describes, and a few others.
     """
 
     def __init__(self, generator: Generator, shapes: Shapes, batch: int, repeats: int = 1, seed: int = 0) -> None:
         self.generator, self.shapes, self.size, self.repeats, self.seed = generator, shapes, batch, repeats, seed
-        self._read = Phrases()
-        self._recent: Batch | None = None
+        self._encode_phrases = PhraseEncoder()
+        self._buffer: Batch | None = None
         self._uses = 0
 
     def batch(self, step: int, size: int = 0) -> Batch:
-        """The batch of a step, from sentences that were written in the steps before and from new ones."""
+        """The batch of a step: whole sentences from the buffer, and sentences that are composed of phrases."""
         rng = np.random.default_rng([self.seed, step])
-        whole = max(1, round(self.size * (1 - COMPOSED)))
-        recent = self._refreshed(rng, self.size * self.repeats // whole)
-        chosen = torch.from_numpy(rng.choice(len(recent.x), whole, replace=False))
-        both = _join(Batch(*(part[chosen] for part in recent)), self._compose(self.size - whole, rng))
-        return both._replace(images=_partly_heard(both.images.float(), rng))
+        whole = max(1, round(self.size * (1 - COMPOSED_FRACTION)))
+        buffer = self._refreshed_buffer(rng, self.size * self.repeats // whole)
+        chosen = torch.from_numpy(rng.choice(len(buffer.x), whole, replace=False))
+        both = _concatenate(Batch(*(part[chosen] for part in buffer)), self._composed(self.size - whole, rng))
+        return both._replace(images=_drop_tokens(both.images.float(), rng))
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing: sentences hold no resource."""
 
-    def _refreshed(self, rng: np.random.Generator, uses: int) -> Batch:
-        """The sentences to choose from; new ones join them after so many uses, many at once, which is faster."""
-        if self._recent is None:
-            self._recent, self._uses = self._tell(self.size, rng), 0
+    def _refreshed_buffer(self, rng: np.random.Generator, uses: int) -> Batch:
+        """The buffer, which gets new sentences every `uses` calls, because encoding many at once is faster."""
+        if self._buffer is None:
+            self._buffer, self._uses = self._whole(self.size, rng), 0
         if self._uses % max(1, uses) == 0:
-            self._recent = _keep(self._recent, self._tell(self.size, rng), rng)
+            self._buffer = _updated(self._buffer, self._whole(self.size, rng), rng)
         self._uses += 1
-        return self._recent
+        return self._buffer
 
-    def _tell(self, count: int, rng: np.random.Generator) -> Batch:
-        """Whole sentences."""
-        numbers, many = self._draw(count, rng)
-        told = [tell(self.generator, params, rng) for params in many]
-        words = embed([sentence for sentence, _ in told], torch.bfloat16)
-        return self._batch(numbers, words, [names for _, names in told], rng)
+    def _whole(self, count: int, rng: np.random.Generator) -> Batch:
+        """Captions of random shapes, each encoded as a whole sentence."""
+        indices, params = self._draw_shapes(count, rng)
+        captions = [labelled_caption(self.generator, one, rng) for one in params]
+        tokens = embed([sentence for sentence, _ in captions], torch.bfloat16)
+        return self._batch(indices, tokens, [names for _, names in captions], rng)
 
-    def _compose(self, count: int, rng: np.random.Generator) -> Batch:
-        """Phrases one after the other."""
-        numbers, many = self._draw(count, rng)
-        told = [pieces(self.generator, params, rng) for params in many]
-        return self._batch(numbers, self._read([phrases for phrases, _ in told]), [names for _, names in told], rng)
+    def _composed(self, count: int, rng: np.random.Generator) -> Batch:
+        """Captions of random shapes, each composed of phrases that were encoded alone."""
+        indices, params = self._draw_shapes(count, rng)
+        captions = [caption_phrases(self.generator, one, rng) for one in params]
+        tokens = self._encode_phrases([phrases for phrases, _ in captions])
+        return self._batch(indices, tokens, [names for _, names in captions], rng)
 
-    def _draw(self, count: int, rng: np.random.Generator) -> tuple[Int64[np.ndarray, " n"], list[Params]]:
-        """Numbers of some shapes, and their parameters."""
-        numbers = rng.integers(len(self.shapes.x), size=count)
-        return numbers, [self.generator.space.decode(x.astype(float)) for x in self.shapes.x[numbers]]
+    def _draw_shapes(self, count: int, rng: np.random.Generator) -> tuple[Int64[np.ndarray, " n"], list[Params]]:
+        """The indices and the parameters of random shapes."""
+        indices = rng.integers(len(self.shapes.x), size=count)
+        return indices, [self.generator.space.decode(x.astype(float)) for x in self.shapes.x[indices]]
 
     def _batch(
-        self, numbers: Int64[np.ndarray, " n"], words: Tensor, names: list[list[str]], rng: np.random.Generator
+        self, indices: Int64[np.ndarray, " n"], tokens: Tensor, described: list[list[str]], rng: np.random.Generator
     ) -> Batch:
-        every = self.generator.space.names
-        said = np.array([name in told for told in names for name in every], bool).reshape(len(names), len(every))
-        wanted = self.shapes.active[numbers] & (said | (rng.random(said.shape) < UNSAID))
-        x = np.pad(self.shapes.x[numbers], ((0, 0), (0, VIEW_NUMBERS)))
-        return Batch(words.half(), torch.from_numpy(x), torch.from_numpy(wanted))
+        """The batch of some shapes from the tokens of their captions and the names of the described parameters."""
+        names = self.generator.space.names
+        is_described = np.array([[name in row for name in names] for row in described], bool).reshape(-1, len(names))
+        counted = is_described | (rng.random(is_described.shape) < UNDESCRIBED_PROBABILITY)
+        x = np.pad(self.shapes.x[indices], ((0, 0), (0, VIEW_NUMBERS)))
+        return Batch(tokens.half(), torch.from_numpy(x), torch.from_numpy(self.shapes.active[indices] & counted))
 
 
-class Phrases:
-    """Tokens of phrases that are read alone, and once."""
+class PhraseEncoder:
+    """The tokens of lists of phrases, where each phrase is encoded alone, and only once."""
 
     def __init__(self) -> None:
-        self._known: dict[str, Tensor] = {}
+        self._tokens: dict[str, Tensor] = {}
 
-    def __call__(self, many: list[list[str]]) -> Float[Tensor, "b t c"]:
-        """The tokens of some phrases each, one after the other, cut and filled up as a sentence's are."""
-        self._read({phrase for phrases in many for phrase in phrases} - self._known.keys())
-        words = torch.zeros(len(many), LENGTH, CHANNELS, dtype=torch.half)
-        for row, phrases in zip(words, many, strict=True):
-            found = torch.cat([self._known[phrase] for phrase in phrases])[:LENGTH]
-            row[: len(found)] = found
-        return words
+    def __call__(self, lists: list[list[str]]) -> Float[Tensor, "b t c"]:
+        """The concatenated tokens of each list of phrases, truncated and padded as `embed` does."""
+        self._encode({phrase for phrases in lists for phrase in phrases} - self._tokens.keys())
+        tokens = torch.zeros(len(lists), LENGTH, CHANNELS, dtype=torch.half)
+        for row, phrases in zip(tokens, lists, strict=True):
+            concatenated = torch.cat([self._tokens[phrase] for phrase in phrases])[:LENGTH]
+            row[: len(concatenated)] = concatenated
+        return tokens
 
-    def _read(self, new: set[str]) -> None:
+    def _encode(self, new: set[str]) -> None:
         phrases = sorted(new)
-        for phrase, words in zip(phrases, embed(phrases, torch.bfloat16), strict=True) if phrases else ():
-            there = words[words.abs().sum(-1) > 0]
-            self._known[phrase] = there[1:-1].half()  # without the marks of a sentence's ends
+        for phrase, tokens in zip(phrases, embed(phrases, torch.bfloat16), strict=True) if phrases else ():
+            present = tokens[tokens.abs().sum(-1) > 0]
+            # The start and the end token mark a whole sentence, and a phrase is a part of one.
+            self._tokens[phrase] = present[1:-1].half()
 
 
-def _join(one: Batch, other: Batch) -> Batch:
+def _concatenate(one: Batch, other: Batch) -> Batch:
     return Batch(*(torch.cat(both) for both in zip(one, other, strict=True)))
 
 
-def _keep(recent: Batch, new: Batch, rng: np.random.Generator) -> Batch:
-    """The recent sentences and the new ones, which take the places of others once there are `RECENT`."""
-    if len(recent.x) < RECENT:
-        return _join(recent, new)
-    places = torch.from_numpy(rng.choice(len(recent.x), len(new.x), replace=False))
-    for old, added in zip(recent, new, strict=True):
+def _updated(buffer: Batch, new: Batch, rng: np.random.Generator) -> Batch:
+    """The buffer with new sentences, which replace random ones when it is full."""
+    if len(buffer.x) < BUFFER:
+        return _concatenate(buffer, new)
+    places = torch.from_numpy(rng.choice(len(buffer.x), len(new.x), replace=False))
+    for old, added in zip(buffer, new, strict=True):
         old[places] = added
-    return recent
+    return buffer
 
 
-def _partly_heard(words: Float[Tensor, "b t c"], rng: np.random.Generator) -> Float[Tensor, "b t c"]:
-    """The tokens with a random few of each sentence at zero, as if they were not there."""
-    heard = rng.random(words.shape[:2]) >= rng.uniform(0, UNHEARD, (len(words), 1))
-    return words * torch.from_numpy(heard)[..., None]
+def _drop_tokens(tokens: Float[Tensor, "b t c"], rng: np.random.Generator) -> Float[Tensor, "b t c"]:
+    """The tokens after token dropout: a random few of each sentence are zero, like padding."""
+    kept = rng.random(tokens.shape[:2]) >= rng.uniform(0, TOKEN_DROPOUT, (len(tokens), 1))
+    return tokens * torch.from_numpy(kept)[..., None]
