@@ -1,4 +1,4 @@
-"""Pictures in the log of training: they show photo and estimate, and nothing that fails or hangs stops or delays it."""
+"""Pictures in the log of training: they show photos and estimates, and no error or hang stops or delays training."""
 
 import io
 import json
@@ -19,7 +19,7 @@ from dipcg.model.checkpoint import save_checkpoint
 from dipcg.model.estimators import Estimator
 from dipcg.training import snapshots
 from dipcg.training.log import Log
-from dipcg.training.snapshots import SHOWN, SIDE, TAG
+from dipcg.training.snapshots import SHAPES, SIDE, TAG
 from dipcg.training.train import Status
 from dipcg.training.validate import Validation
 
@@ -59,52 +59,56 @@ def run(ball, tmp_path) -> Path:
 
 
 @pytest.fixture
-def spoilt(ball):
-    """The same, with a function that replaces what a build does."""
+def change_build(ball):
+    """A function that inserts a statement into the generator's `build`, until the test ends."""
     yield lambda body: (ball / "ball.py").write_text(BALL.replace("    return", f"    {body}\n    return"))
     (ball / "ball.py").write_text(BALL)
 
 
 def logged(folder: Path, kind: str) -> list:
+    """The pictures or the texts of `Snapshots` in the event files of a folder."""
     events = accumulator.EventAccumulator(str(folder)).Reload()
     tags = events.Tags()
     if kind == "images":
-        return [np.asarray(Image.open(io.BytesIO(e.encoded_image_string))) for e in find(events.Images, tags[kind])]
-    return [event.tensor_proto.string_val[0].decode() for event in find(events.Tensors, tags["tensors"])]
+        images = snapshot_events(events.Images, tags[kind])
+        return [np.asarray(Image.open(io.BytesIO(event.encoded_image_string))) for event in images]
+    texts = snapshot_events(events.Tensors, tags["tensors"])
+    return [event.tensor_proto.string_val[0].decode() for event in texts]
 
 
-def find(read, tags: list[str]) -> list:
+def snapshot_events(read, tags: list[str]) -> list:
     return [event for tag in tags if tag.startswith(TAG) for event in read(tag)]
 
 
-def test_the_log_shows_photos_beside_estimates_once_for_the_same_weights(ball, run):
+def test_the_log_has_photos_beside_estimates_once_for_the_same_weights(ball, run):
     with Log(run, ball / "data") as log:
         log(STATUS)
         log._snapshots._running.result()
         log(STATUS)
         log._snapshots._running.result()
     (sheet,) = logged(run, "images")
-    assert sheet.shape == (SHOWN * SIDE, 2 * SIDE, 3)
-    tiles = sheet.reshape(SHOWN, SIDE, 2, SIDE, 3).swapaxes(1, 2).reshape(2 * SHOWN, SIDE, SIDE, 3)
-    for tile in tiles:  # a ball in the middle, on white: pi / 4 of the square that it fills
+    assert sheet.shape == (SHAPES * SIDE, 2 * SIDE, 3)
+    tiles = sheet.reshape(SHAPES, SIDE, 2, SIDE, 3).swapaxes(1, 2).reshape(2 * SHAPES, SIDE, SIDE, 3)
+    # A ball covers pi / 4 of the square around it, and the ground is white.
+    for tile in tiles:
         covered = (tile < 250).any(2)
         rows, columns = covered.any(1).sum(), covered.any(0).sum()
         assert covered.sum() / (rows * columns) == pytest.approx(np.pi / 4, abs=0.06)
     assert not np.array_equal(tiles[0], tiles[1])
 
 
-def test_the_work_yields_to_training_and_leaves_its_priority(ball, run):
+def test_snapshots_have_a_lower_priority_and_training_keeps_its_own(ball, run):
     before = os.getpriority(os.PRIO_PROCESS, 0)
     with Log(run, ball / "data") as log:
         log(STATUS)
         log._snapshots._running.result()
         (child,) = log._snapshots._pool._children
-        assert os.getpriority(os.PRIO_PROCESS, child._process.pid) == min(19, before + snapshots.LOW)
+        assert os.getpriority(os.PRIO_PROCESS, child._process.pid) == min(19, before + snapshots.NICENESS)
     assert os.getpriority(os.PRIO_PROCESS, 0) == before
 
 
-def test_an_estimate_that_cannot_be_built_is_a_grey_tile(ball, run, spoilt):
-    spoilt("raise ValueError('no')")
+def test_an_estimate_that_cannot_be_built_is_a_grey_tile(ball, run, change_build):
+    change_build("raise ValueError('no')")
     with Log(run, ball / "data") as log:
         log(STATUS)
         log._snapshots._running.result()
@@ -113,19 +117,20 @@ def test_an_estimate_that_cannot_be_built_is_a_grey_tile(ball, run, spoilt):
     assert not (sheet[:, :SIDE] == 128).all()
 
 
-def test_a_missing_checkpoint_is_told_and_the_rest_is_logged(ball, tmp_path):
+def test_a_missing_checkpoint_is_logged_as_a_text_beside_the_curves(ball, tmp_path):
     with Log(tmp_path, ball / "data") as log:
         log(STATUS)
     (text,) = logged(tmp_path, "tensors")
-    assert text.startswith("There is no picture, FileNotFoundError")
+    assert text.startswith("The pictures could not be made: FileNotFoundError")
     assert json.loads((tmp_path / "log.jsonl").read_text())["pictures"] == STATUS.pictures
 
 
-def test_builds_that_hang_delay_neither_training_nor_its_end(ball, run, spoilt, monkeypatch):
-    spoilt("time.sleep(600)")
-    monkeypatch.setattr(snapshots, "LAST_S", 3.0)
+def test_builds_that_hang_delay_neither_training_nor_its_end(ball, run, change_build, monkeypatch):
+    change_build("time.sleep(600)")
+    monkeypatch.setattr(snapshots, "CLOSE_LIMIT_S", 3.0)
     with Log(run, ball / "data") as log:
-        log(STATUS)  # imports TensorBoard and starts the thread
+        # The first call imports TensorBoard and starts the thread.
+        log(STATUS)
         started = time.monotonic()
         for _ in range(5):
             log(STATUS)

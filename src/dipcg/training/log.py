@@ -1,4 +1,4 @@
-"""A log of training: one line of JSON per validation, and TensorBoard's files when it is installed."""
+"""The log of training: one line of JSON for each validation, and event files where TensorBoard is installed."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from dipcg.training.train import Status
 
 
 class Log:
-    """Writes to `log.jsonl` and, with tensorboard installed, to event files in the same folder.
+    """Writes validations to `log.jsonl` and, where TensorBoard is installed, curves to event files in the same folder.
 
-    With a data set, these show what the checkpoint in the folder makes of a few validation shapes.
+    With a data set, the event files also have pictures: estimates of a few validation shapes by the checkpoint in the
+    folder (`Snapshots`).
     """
 
     def __init__(self, folder: Path, data: Path | None = None) -> None:
@@ -25,25 +26,27 @@ class Log:
         folder.mkdir(parents=True, exist_ok=True)
         self._lines = (folder / "log.jsonl").open("a")
 
+    # The event file is made with the first status, because only one of several processes reports.
     @cached_property
-    def _board(self) -> Any:  # made when there is something to say: of several processes, one reports
-        return _board(self._folder)
+    def _writer(self) -> Any:
+        return _event_writer(self._folder)
 
     def __call__(self, status: Status) -> None:
-        if self._board:
-            self._board.add_scalar("loss", status.loss, status.pictures)
-            self._board.add_scalar("waiting for pictures", status.waiting, status.pictures)
+        """Write one status of training."""
+        if self._writer:
+            self._writer.add_scalar("loss", status.loss, status.pictures)
+            self._writer.add_scalar("waiting for pictures", status.waiting, status.pictures)
         if status.validation:
             self._lines.write(json.dumps(asdict(status)) + "\n")
             self._lines.flush()
-            for name, value in asdict(status.validation).items() if self._board else ():
+            for name, value in asdict(status.validation).items() if self._writer else ():
                 if value is not None:
-                    self._board.add_scalar(f"validation/{name}", value, status.pictures)
-            self._show(status.pictures)
+                    self._writer.add_scalar(f"validation/{name}", value, status.pictures)
+            self._take_snapshot(status.pictures)
 
-    def _show(self, pictures: int) -> None:
-        if self._board and self._data:
-            self._snapshots = self._snapshots or Snapshots(self._folder, self._data, self._board)
+    def _take_snapshot(self, pictures: int) -> None:
+        if self._writer and self._data:
+            self._snapshots = self._snapshots or Snapshots(self._folder, self._data, self._writer)
             self._snapshots.take(pictures)
 
     def __enter__(self) -> Log:
@@ -53,11 +56,12 @@ class Log:
         self._lines.close()
         if self._snapshots:
             self._snapshots.close()
-        if self._board:
-            self._board.close()
+        if self._writer:
+            self._writer.close()
 
 
-def _board(folder: Path) -> Any:
+def _event_writer(folder: Path) -> Any:
+    """The writer of TensorBoard's event files, or None where TensorBoard is not installed."""
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:
