@@ -1,4 +1,4 @@
-"""The paper's recipe: its diffusion against closed forms and diffusers, its sizes, its encoders, and a run of it."""
+"""The paper's recipe: its network, its encoders, its settings, and a training run."""
 
 from dataclasses import replace
 
@@ -13,7 +13,6 @@ from dipcg.config import ModelConfig, TrainConfig
 from dipcg.data.store import build_dataset
 from dipcg.encoders import build_encoder
 from dipcg.generators import load_generator
-from dipcg.model import ddpm
 from dipcg.model.dit import DiT
 from dipcg.model.estimators import UNSEEN_VIEW, PaperEstimator, build_estimator
 from dipcg.model.sampling import sample
@@ -24,8 +23,6 @@ from dipcg.training.train import Run
 
 BOX = load_generator("box")
 TINY = ModelConfig(width=24, depth=2, heads=2, summary=0, objective="ddpm", steps=250)
-PLAN = ddpm.schedule(40)
-MEAN, SPREAD = 0.3, 0.15  # of the one-dimensional data below: nearly all of it is in [-1, 1]
 
 
 @pytest.fixture(autouse=True)
@@ -49,7 +46,7 @@ def condition_of(model: PaperEstimator, pictures: int):
 
 
 @pytest.mark.parametrize(("recipe", "millions"), [("paper", 7.6), ("small", 1.6), ("large", 39.0)])
-def test_the_published_sizes_are_met_within_three_percent(recipe, millions):
+def test_networks_have_the_published_sizes_within_three_percent(recipe, millions):
     with torch.device("meta"):
         network = DiT(48, 768, RECIPES[recipe].model)
     weights = sum(weight.numel() for weight in network.parameters())
@@ -58,7 +55,7 @@ def test_the_published_sizes_are_met_within_three_percent(recipe, millions):
 
 
 @torch.no_grad()
-def test_each_parameter_is_a_token_that_sees_the_others_and_the_picture(model):
+def test_the_noise_of_each_parameter_depends_on_the_others_and_on_the_picture(model):
     condition, size = condition_of(model, 1), len(BOX.space)
     x, t = torch.rand(1, size), torch.tensor([300])
     before = model.denoiser(x, t, condition.keys_values)[0]
@@ -67,12 +64,12 @@ def test_each_parameter_is_a_token_that_sees_the_others_and_the_picture(model):
     other = condition_of(model, 1)
     assert ((model.denoiser(x, t, other.keys_values)[0] - before).abs() > 1e-6).all()
     same = torch.full((1, size), 0.5)
-    found = model.denoiser(same, t, condition.keys_values)[0][0]
-    assert len(found.unique()) == size  # told apart by their positions
+    noise = model.denoiser(same, t, condition.keys_values)[0][0]
+    assert len(noise.unique()) == size, "equal values differ in their positions"
 
 
 @torch.no_grad()
-def test_sampling_the_paper_model_gives_parameters_in_range_and_held_ones_at_their_values(model):
+def test_samples_of_the_paper_model_are_in_range_and_have_fixed_values(model):
     size = len(BOX.space) + VIEW_NUMBERS
     known, given = torch.rand(3, size) * 2 - 1, torch.rand(3, size) < 0.5
     given[:, -VIEW_NUMBERS:] = False
@@ -83,7 +80,7 @@ def test_sampling_the_paper_model_gives_parameters_in_range_and_held_ones_at_the
 
 
 @torch.no_grad()
-def test_one_noise_gives_one_answer_and_another_another(model):
+def test_the_sample_is_a_function_of_the_noise(model):
     condition, size = condition_of(model, 1), len(BOX.space) + VIEW_NUMBERS
     first, second = torch.randn(1, size), torch.randn(1, size)
     draws = [sample(model, condition, noise, 10).mean for noise in (first, first, second)]
@@ -91,14 +88,14 @@ def test_one_noise_gives_one_answer_and_another_another(model):
     assert not torch.equal(draws[0], draws[2])
 
 
-def test_choices_are_read_from_the_piece_that_the_number_lies_in(model):
+def test_the_prediction_of_a_choice_is_the_option_whose_interval_contains_x(model):
     x = torch.from_numpy(np.random.default_rng(0).uniform(-1, 1, (40, len(BOX.space)))).float()
-    read = model.outputs.modes(model.prediction(x))[:, :-VIEW_NUMBERS].double().numpy()
-    for ours, theirs in zip(read, x.double().numpy(), strict=True):
-        assert BOX.space.decode(ours) == pytest.approx(BOX.space.decode(theirs), abs=1e-6)
+    modes = model.outputs.modes(model.prediction(x))[:, :-VIEW_NUMBERS].double().numpy()
+    for mode, row in zip(modes, x.double().numpy(), strict=True):
+        assert BOX.space.decode(mode) == pytest.approx(BOX.space.decode(row), abs=1e-6)
 
 
-def test_the_default_network_and_the_paper_network_follow_the_objective():
+def test_the_objective_decides_the_network():
     assert isinstance(build_estimator(BOX.space, TINY), PaperEstimator)
     assert not isinstance(build_estimator(BOX.space, replace(TINY, objective="flow", summary=8)), PaperEstimator)
 
@@ -113,16 +110,16 @@ def test_pretrained_encoders_give_the_patch_tokens_of_their_network(pretrained, 
 
     encoder = build_encoder(ModelConfig(encoder=name, encoder_weights=pretrained[name], summary=0))
     images = torch.rand(2, 3, encoder.image_size, encoder.image_size)
-    found = encoder(images)
-    kind = {"dinov2": transformers.Dinov2Model, "clip": transformers.CLIPVisionModel}[name]
-    mean, spread = {
+    features = encoder(images)
+    network = {"dinov2": transformers.Dinov2Model, "clip": transformers.CLIPVisionModel}[name]
+    mean, deviation = {
         "dinov2": ([0.485, 0.456, 0.406], [0.229, 0.224, 0.225]),
         "clip": ([0.48145466, 0.4578275, 0.40821073], [0.26862954, 0.26130258, 0.27577711]),
     }[name]
-    pixels = (images - torch.tensor(mean).view(3, 1, 1)) / torch.tensor(spread).view(3, 1, 1)
-    expected = kind.from_pretrained(pretrained[name]).eval()(pixels).last_hidden_state[:, 1:]
-    assert found.tokens.shape == (2, tokens, 32)
-    torch.testing.assert_close(found.tokens, expected, rtol=1e-4, atol=1e-5)
+    pixels = (images - torch.tensor(mean).view(3, 1, 1)) / torch.tensor(deviation).view(3, 1, 1)
+    expected = network.from_pretrained(pretrained[name]).eval()(pixels).last_hidden_state[:, 1:]
+    assert features.tokens.shape == (2, tokens, 32)
+    torch.testing.assert_close(features.tokens, expected, rtol=1e-4, atol=1e-5)
 
 
 def test_a_pretrained_network_is_neither_trained_nor_stored(pretrained):
@@ -131,7 +128,7 @@ def test_a_pretrained_network_is_neither_trained_nor_stored(pretrained):
     assert sum(weight.numel() for weight in encoder.parameters()) == 4 * 32 + 4
 
 
-def test_missing_weights_are_told_with_the_command_that_gets_them(tmp_path):
+def test_the_error_for_missing_weights_has_the_command_that_downloads_them(tmp_path):
     pytest.importorskip("transformers")
     with pytest.raises(RuntimeError, match=r"hf download .*nowhere --local-dir nowhere.*--encoder-weights ./nowhere"):
         build_encoder(ModelConfig(encoder="dinov2", encoder_weights=str(tmp_path / "nowhere")))
@@ -153,10 +150,10 @@ def test_the_recipe_has_the_published_settings():
         find_recipe("papier")
 
 
-def test_the_published_cameras_are_drawn_and_no_others():
+def test_drawn_cameras_are_the_published_ones():
     grid, rng = published_views("chair"), np.random.default_rng(0)
-    seen = {(v.azimuth_deg, v.elevation_deg, v.distance) for v in (grid.sample(rng) for _ in range(500))}
-    assert seen == {(a, e, d) for a in (0, 30, 60, 80) for e in (10, 30, 40) for d in (1.8, 2.0)}
+    cameras = {(v.azimuth_deg, v.elevation_deg, v.distance) for v in (grid.sample(rng) for _ in range(500))}
+    assert cameras == {(a, e, d) for a in (0, 30, 60, 80) for e in (10, 30, 40) for d in (1.8, 2.0)}
     assert published_views("box") == ViewGrid((0, 30, 60), (30, 60), (1.8, 2.0))
 
 
@@ -167,7 +164,7 @@ def data(tmp_path_factory):
     return folder
 
 
-def test_flags_change_a_recipe_and_leave_the_rest_of_it(data, tmp_path, monkeypatch):
+def test_flags_replace_settings_of_a_recipe(data, tmp_path, monkeypatch):
     asked: list[tuple[TrainConfig, ModelConfig]] = []
     monkeypatch.setattr(
         "dipcg.training.train.train", lambda data, out, train, model, report: asked.append((train, model))
@@ -187,7 +184,7 @@ def test_flags_change_a_recipe_and_leave_the_rest_of_it(data, tmp_path, monkeypa
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory, pretrained):
-    """A run of a few steps on noise in place of pictures, saved as every run is."""
+    """A run of a few steps on random pictures, with its checkpoint."""
     torch.manual_seed(0)
     config = replace(RECIPES["paper"].train, batch=8, learning_rate=1e-3)
     model = build_estimator(BOX.space, replace(TINY, encoder="dinov2", encoder_weights=pretrained["dinov2"]))
@@ -196,16 +193,16 @@ def trained(tmp_path_factory, pretrained):
     images = torch.rand(8, 3, 224, 224)
     batch = Batch(images, torch.rand(8, len(BOX.space) + VIEW_NUMBERS) * 2 - 1, active)
     losses = [run.learn(batch) for _ in range(40)]
-    found = run.check(batch)
-    return run, losses, found
+    validation = run.check(batch)
+    return run, losses, validation
 
 
-def test_a_run_of_the_recipe_learns_and_is_validated_without_a_guess(trained):
-    run, losses, found = trained
+def test_a_run_of_the_recipe_reduces_its_loss_and_is_validated_without_a_guess(trained):
+    run, losses, validation = trained
     assert np.mean(losses[-10:]) < 0.8 * np.mean(losses[:5])
     assert run.optimisers["adamw"].param_groups[0]["lr"] == 1e-3
-    assert (found.guess_reals, found.guess_choices) == (None, None)
-    assert 0 < found.sample_reals < 2
+    assert (validation.guess_reals, validation.guess_choices) == (None, None)
+    assert 0 < validation.sample_reals < 2
     again = Run(build_estimator(BOX.space, run.model.config), run.config, run.out, BOX)
     assert again.counters["step"] == run.counters["step"] == 40
 
@@ -217,10 +214,10 @@ def test_a_checkpoint_of_the_recipe_estimates_in_250_steps(trained, tmp_path):
     )
     with Inverter.load(str(trained[0].out)) as inverter:
         inverter.model.denoiser.register_forward_pre_hook(lambda _, args: calls.append(len(args[0])))
-        found = inverter.estimate(tmp_path / "box.png", candidates=3)
+        estimate = inverter.estimate(tmp_path / "box.png", candidates=3)
         assert calls == [8] * 250 + [2] * 250
-        assert BOX.space.validate(found.params) == found.params
-        assert vars(found.view) == pytest.approx(vars(UNSEEN_VIEW), abs=1e-4)
+        assert BOX.space.validate(estimate.params) == estimate.params
+        assert vars(estimate.view) == pytest.approx(vars(UNSEEN_VIEW), abs=1e-4)
         held = inverter.estimate(tmp_path / "box.png", candidates=2, steps=10, keep={"width": 0.5, "top": "flat"})
         assert all(c.params["width"] == 0.5 and c.params["top"] == "flat" for c in held.candidates)
         with pytest.raises(ValueError, match="has no direct guess"):
