@@ -28,7 +28,7 @@ import numpy as np
 from dipcg.blender.infinigen import clean_blender, find_node, import_infinigen, silence
 
 module = import_infinigen("infinigen.assets.objects.organizer.basket")
-inexact, found = module.geometry_nodes, {}
+inexact, arrays = module.geometry_nodes, {}
 
 def exact(wrangler, **params):
     inexact(wrangler, **params)
@@ -46,8 +46,8 @@ for seed in map(int, sys.argv[2:]):
     vertices = np.array([vertex.co for vertex in mesh.vertices])
     faces = np.array([triangle.vertices for triangle in mesh.loop_triangles])
     params = json.dumps({name: np.asarray(value).item() for name, value in factory.params.items()})
-    found |= {f"{seed}.vertices": vertices, f"{seed}.faces": faces, f"{seed}.params": params}
-np.savez(sys.argv[1], **found)
+    arrays |= {f"{seed}.vertices": vertices, f"{seed}.faces": faces, f"{seed}.params": params}
+np.savez(sys.argv[1], **arrays)
 os._exit(0)
 """
 

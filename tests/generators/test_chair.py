@@ -27,7 +27,7 @@ import numpy as np
 from dipcg.blender.infinigen import clean_blender, import_infinigen, middle, read_piece, replaced, silence
 
 module = import_infinigen("infinigen.assets.objects.seating.chairs.chair")
-found = {}
+arrays = {}
 for seed in map(int, sys.argv[2:]):
     clean_blender()
     with silence():
@@ -38,8 +38,8 @@ for seed in map(int, sys.argv[2:]):
     types = (bool, int, float, str, tuple, list, np.ndarray, np.generic)
     plain = {name: value for name, value in vars(factory).items() if isinstance(value, types)}
     own = json.dumps(plain, default=lambda value: value.tolist())
-    found |= {f"{seed}.vertices": vertices, f"{seed}.faces": faces, f"{seed}.own": own}
-np.savez(sys.argv[1], **found)
+    arrays |= {f"{seed}.vertices": vertices, f"{seed}.faces": faces, f"{seed}.own": own}
+np.savez(sys.argv[1], **arrays)
 os._exit(0)
 """
 

@@ -32,7 +32,7 @@ from dipcg.mesh import make_mesh
 from dipcg.metrics import sample_surface
 
 module = import_infinigen("infinigen.assets.objects.grassland.dandelion")
-rng, found, drawn = np.random.default_rng(0), {}, []
+rng, arrays, drawn = np.random.default_rng(0), {}, []
 names = {(0.2, 0.4): "stem_map_range", (0.01, 0.024): "stem_radius", (-0.15, -0.5): "transform_scale"}
 names[0.3, 0.5] = "random_dropout"
 counts = {25: ("flower_num_core_segments", (8, 15)), 20: ("flower_num_core_rings", (8,))}
@@ -59,9 +59,9 @@ with draws, curves, silence():
         factory.flower_mode_pb = [float(other == mode) for other in factory.flower_mode]
         _, vertices, faces = read_piece("dandelion", factory.create_asset())
         points = sample_surface(make_mesh(vertices, faces), 200_000, rng)
-        found |= {f"{mode}.points": points, f"{mode}.drawn": json.dumps(drawn)}
+        arrays |= {f"{mode}.points": points, f"{mode}.drawn": json.dumps(drawn)}
         drawn.clear()
-np.savez(sys.argv[1], **found)
+np.savez(sys.argv[1], **arrays)
 os._exit(0)
 """
 

@@ -28,7 +28,7 @@ from dipcg.blender.infinigen import clean_blender, import_infinigen, read_piece,
 
 module = import_infinigen("infinigen.assets.objects.grassland.flower")
 set_inputs = module.butil.set_geomod_inputs
-found, params = {}, {}
+arrays, params = {}, {}
 
 def record_inputs(modifier, inputs):
     params.update({name: np.asarray(value).tolist() for name, value in inputs.items()})
@@ -41,8 +41,8 @@ for seed in map(int, sys.argv[2:]):
         asset = module.FlowerFactory(seed, rad=1.0).create_asset()
     asset.rotation_euler.z = 0
     _, vertices, faces = read_piece("flower", asset)
-    found |= {f"{seed}.vertices": vertices, f"{seed}.faces": faces, f"{seed}.params": json.dumps(params)}
-np.savez(sys.argv[1], **found)
+    arrays |= {f"{seed}.vertices": vertices, f"{seed}.faces": faces, f"{seed}.params": json.dumps(params)}
+np.savez(sys.argv[1], **arrays)
 os._exit(0)
 """
 

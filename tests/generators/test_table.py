@@ -29,7 +29,7 @@ import numpy as np
 from dipcg.blender.infinigen import clean_blender, import_infinigen, read_piece, silence
 
 module = import_infinigen("infinigen.assets.objects.tables.dining_table")
-found = {}
+arrays = {}
 for seed in map(int, sys.argv[2:]):
     clean_blender()
     with silence():
@@ -38,8 +38,8 @@ for seed in map(int, sys.argv[2:]):
             factory.params["Leg Placement Top Relative Scale"] = 0.65
         _, vertices, faces = read_piece("table", factory.create_asset())
     params = {name: value for name, value in factory.params.items() if not name.endswith("Material")}
-    found |= {f"{seed}.vertices": vertices, f"{seed}.faces": faces, f"{seed}.params": json.dumps(params, default=int)}
-np.savez(sys.argv[1], **found)
+    arrays |= {f"{seed}.vertices": vertices, f"{seed}.faces": faces, f"{seed}.params": json.dumps(params, default=int)}
+np.savez(sys.argv[1], **arrays)
 os._exit(0)
 """
 

@@ -26,7 +26,7 @@ import numpy as np
 from dipcg.blender.infinigen import clean_blender, import_infinigen, read_piece, silence
 
 module = import_infinigen("infinigen.assets.objects.table_decorations.vase")
-found = {}
+arrays = {}
 for seed in map(int, sys.argv[2:]):
     clean_blender()
     np.random.seed(seed)
@@ -34,8 +34,8 @@ for seed in map(int, sys.argv[2:]):
         factory = module.VaseFactory(seed)
         _, vertices, faces = read_piece("vase", factory.create_asset())
     params = {name: value for name, value in factory.params.items() if name != "Material"}
-    found |= {f"{seed}.vertices": vertices, f"{seed}.faces": faces, f"{seed}.params": json.dumps(params, default=int)}
-np.savez(sys.argv[1], **found)
+    arrays |= {f"{seed}.vertices": vertices, f"{seed}.faces": faces, f"{seed}.params": json.dumps(params, default=int)}
+np.savez(sys.argv[1], **arrays)
 os._exit(0)
 """
 

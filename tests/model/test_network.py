@@ -148,7 +148,7 @@ MEAN, DEVIATION = 0.4, 0.3
 
 
 def posterior_mean(x: Tensor, t: Tensor) -> Tensor:
-    """The expectation of the clean `x` when the data are N(MEAN, SPREAD²) and the noise is N(0, 1)."""
+    """The expectation of the clean `x` when the data are N(MEAN, DEVIATION²) and the noise is N(0, 1)."""
     return MEAN + t * DEVIATION**2 / ((1 - t) ** 2 + t**2 * DEVIATION**2) * (x - t * MEAN)
 
 
@@ -158,7 +158,7 @@ def sampled_data(sampler, noise: Tensor, steps: int) -> Tensor:
 
 @pytest.mark.parametrize(("name", "order"), [("euler", 1), ("heun", 2)])
 def test_samplers_converge_with_their_order(name, order):
-    """The flow from N(0, 1) to N(MEAN, SPREAD²) maps noise z to MEAN + DEVIATION·z."""
+    """The flow from N(0, 1) to N(MEAN, DEVIATION²) maps noise z to MEAN + DEVIATION·z."""
     noise = torch.linspace(-3, 3, 13, dtype=torch.float64)[:, None]
     errors = [(sampled_data(SAMPLERS[name], noise, n) - (MEAN + DEVIATION * noise)).abs().max() for n in (50, 100, 200)]
     rates = [float((coarse / fine).log2()) for coarse, fine in pairwise(errors)]

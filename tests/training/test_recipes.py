@@ -73,10 +73,10 @@ def test_samples_of_the_paper_model_are_in_range_and_have_fixed_values(model):
     size = len(BOX.space) + VIEW_NUMBERS
     known, given = torch.rand(3, size) * 2 - 1, torch.rand(3, size) < 0.5
     given[:, -VIEW_NUMBERS:] = False
-    found = sample(model, condition_of(model, 3), torch.randn(3, size), 20, known=known, given=given)
-    torch.testing.assert_close(found.mean[given], known[given], rtol=0, atol=1e-3)
-    assert found.mean[:, :-VIEW_NUMBERS].abs().max() <= 1
-    np.testing.assert_allclose(found.mean[:, -VIEW_NUMBERS:], np.tile(encode_view(UNSEEN_VIEW), (3, 1)), atol=1e-6)
+    prediction = sample(model, condition_of(model, 3), torch.randn(3, size), 20, known=known, given=given)
+    torch.testing.assert_close(prediction.mean[given], known[given], rtol=0, atol=1e-3)
+    assert prediction.mean[:, :-VIEW_NUMBERS].abs().max() <= 1
+    np.testing.assert_allclose(prediction.mean[:, -VIEW_NUMBERS:], np.tile(encode_view(UNSEEN_VIEW), (3, 1)), atol=1e-6)
 
 
 @torch.no_grad()
@@ -165,9 +165,9 @@ def data(tmp_path_factory):
 
 
 def test_flags_replace_settings_of_a_recipe(data, tmp_path, monkeypatch):
-    asked: list[tuple[TrainConfig, ModelConfig]] = []
+    runs: list[tuple[TrainConfig, ModelConfig]] = []
     monkeypatch.setattr(
-        "dipcg.training.train.train", lambda data, out, train, model, report: asked.append((train, model))
+        "dipcg.training.train.train", lambda data, out, train, model, report: runs.append((train, model))
     )
     words = ["train", "box", "--data", str(data), "-o", str(tmp_path)]
     main([*words, "--recipe", "small", "--batch", "8", "--augment.mask", "0.5"])
@@ -177,7 +177,7 @@ def test_flags_replace_settings_of_a_recipe(data, tmp_path, monkeypatch):
     changed = replace(small.train, batch=8, augment=replace(small.train.augment, mask=0.5))
     longer = TrainConfig(pictures=1_500_000)
     narrow = ModelConfig(width=24)
-    assert asked == [(changed, small.model), (TrainConfig(), narrow), (longer, narrow)]
+    assert runs == [(changed, small.model), (TrainConfig(), narrow), (longer, narrow)]
     with pytest.raises(SystemExit):
         main([*words, "--recipe", "papier"])
 
@@ -218,7 +218,7 @@ def test_a_checkpoint_of_the_recipe_estimates_in_250_steps(trained, tmp_path):
         assert calls == [8] * 250 + [2] * 250
         assert BOX.space.validate(estimate.params) == estimate.params
         assert vars(estimate.view) == pytest.approx(vars(UNSEEN_VIEW), abs=1e-4)
-        held = inverter.estimate(tmp_path / "box.png", candidates=2, steps=10, keep={"width": 0.5, "top": "flat"})
-        assert all(c.params["width"] == 0.5 and c.params["top"] == "flat" for c in held.candidates)
+        fixed = inverter.estimate(tmp_path / "box.png", candidates=2, steps=10, keep={"width": 0.5, "top": "flat"})
+        assert all(c.params["width"] == 0.5 and c.params["top"] == "flat" for c in fixed.candidates)
         with pytest.raises(ValueError, match="has no direct guess"):
             inverter.guess(tmp_path / "box.png")

@@ -146,8 +146,8 @@ def _place_axes(obj: Any) -> None:
     graph = graph_of(obj)
     obj.data.from_pydata(np.concatenate([np.zeros((1, 3)), np.eye(3)]), [(0, 1), (0, 2), (0, 3)], [])
     graph.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
-    given = graph.nodes.new("NodeGroupInput").outputs[0]
-    graph.links.new(given, find_node(graph, "nodegroup_flower_geometry").inputs["Instance"])
+    group_input = graph.nodes.new("NodeGroupInput").outputs[0]
+    graph.links.new(group_input, find_node(graph, "nodegroup_flower_geometry").inputs["Instance"])
 
 
 def _instances(vertices: np.ndarray, faces: np.ndarray, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

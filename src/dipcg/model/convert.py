@@ -124,16 +124,16 @@ def _split(name: str, value: Tensor) -> Weights:
 
 
 def _check_shapes(weights: Weights, network: DiT, space: ParameterSpace) -> None:
-    wanted = network.state_dict()
-    weights.setdefault("position", positions(len(space), wanted["enter.bias"].shape[0]))
+    expected = network.state_dict()
+    weights.setdefault("position", positions(len(space), expected["enter.bias"].shape[0]))
     if len(weights["position"]) != len(space):
         raise CheckpointError(
             f"The weights are for {len(weights['position'])} parameters, and this generator has {len(space)}."
         )
-    missing = sorted(wanted.keys() - weights.keys())
-    unlike = [f"{k} {tuple(v.shape)}" for k, v in weights.items() if k in wanted and v.shape != wanted[k].shape]
-    unknown = sorted(weights.keys() - wanted.keys())
-    problems = {"missing are": missing, "of another shape are": unlike, "unknown are": unknown}
+    missing = sorted(expected.keys() - weights.keys())
+    mismatched = [f"{k} {tuple(v.shape)}" for k, v in weights.items() if k in expected and v.shape != expected[k].shape]
+    unknown = sorted(weights.keys() - expected.keys())
+    problems = {"missing are": missing, "of another shape are": mismatched, "unknown are": unknown}
     if any(problems.values()):
         listed = "; ".join(f"{problem} {', '.join(names[:3])}" for problem, names in problems.items() if names)
         raise CheckpointError(f"The weights do not fit the paper's network: {listed}.")
