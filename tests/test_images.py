@@ -181,14 +181,16 @@ def test_large_pictures_are_shrunk_in_proportion():
 def test_transparency_is_taken_as_it_is():
     image = on((0, 255, 0))
     image[..., 3] = np.where(disc_mask(), 255, 0)
-    cut, background = cut_out(image)
+    cutout = cut_out(image)
+    cut, background = cutout.image, cutout.background
     assert background == "alpha"
     np.testing.assert_array_equal(cut, image)
 
 
 @pytest.mark.parametrize("ground", [(255, 255, 255), (0, 0, 0), (40, 90, 200), (128, 128, 128)])
 def test_a_plain_ground_is_removed_whatever_its_colour(ground):
-    cut, background = cut_out(on(ground))
+    cutout = cut_out(on(ground))
+    cut, background = cutout.image, cutout.background
     assert background == "plain"
     assert overlap(cut[..., 3], disc_mask()) > 0.95
 
@@ -196,7 +198,8 @@ def test_a_plain_ground_is_removed_whatever_its_colour(ground):
 def test_a_plain_ground_may_be_noisy():
     noisy = on((240, 240, 240)).astype(int)
     noisy[..., :3] += np.random.default_rng(0).integers(-4, 5, (120, 120, 3))
-    cut, background = cut_out(noisy.clip(0, 255).astype(np.uint8))
+    cutout = cut_out(noisy.clip(0, 255).astype(np.uint8))
+    cut, background = cutout.image, cutout.background
     assert background == "plain"
     assert overlap(cut[..., 3], disc_mask()) > 0.93
 
@@ -205,21 +208,22 @@ def test_the_ground_shows_through_a_hole_in_the_object():
     ring = on((255, 255, 255))
     hole = disc_mask(radius=15)
     ring[hole, :3] = 255
-    alpha = cut_out(ring)[0][..., 3]
+    alpha = cut_out(ring).image[..., 3]
     assert overlap(alpha, disc_mask() & ~hole) > 0.9
 
 
 def test_a_photo_is_cut_by_its_colours():
     y, x = np.mgrid[:120, :120]
     ground = np.stack([60 + x % 50, 140 + (x * y) % 60, 60 + 3 * (y % 40)], axis=-1)  # no two border pixels alike
-    cut, background = cut_out(on(ground.astype(np.uint8)))
+    cutout = cut_out(on(ground.astype(np.uint8)))
+    cut, background = cutout.image, cutout.background
     assert background == "photo"
     assert overlap(cut[..., 3], disc_mask()) > 0.85
 
 
 @pytest.mark.parametrize("disc", [{"centre": (60, 50)}, {"centre": (20, 100), "radius": 15}, {"radius": 55}])
 def test_the_crop_centres_the_object_and_leaves_the_margin(disc):
-    cropped = crop_to_object(cut_out(on((255, 255, 255), **disc))[0], 200)
+    cropped = crop_to_object(cut_out(on((255, 255, 255), **disc)).image, 200)
     ys, xs = np.nonzero(cropped[..., 3] > 127)
     for low, high in ((xs.min(), xs.max() + 1), (ys.min(), ys.max() + 1)):
         assert (high - low) / 200 == pytest.approx(1 - 2 * MARGIN, abs=0.05)
@@ -261,7 +265,7 @@ def test_over_white_mixes_by_alpha():
 
 
 def test_edges_are_dark_lines_where_the_outline_is():
-    drawn = edges(cut_out(WHITE)[0])
+    drawn = edges(cut_out(WHITE).image)
     y, x = np.nonzero(drawn[..., 0] < 128)
     distance = np.abs(np.hypot(x + 0.5 - 60, y + 0.5 - 50) - 30)
     assert len(x) > 100
@@ -270,7 +274,7 @@ def test_edges_are_dark_lines_where_the_outline_is():
 
 
 def test_a_silhouette_has_one_colour_and_the_same_outline():
-    cut = cut_out(WHITE)[0]
+    cut = cut_out(WHITE).image
     shape = silhouette(cut)
     np.testing.assert_array_equal(shape[..., 3], cut[..., 3])
     assert len(np.unique(shape[..., :3])) == 1

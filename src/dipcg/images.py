@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import warnings
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -20,17 +21,37 @@ Background = Literal["alpha", "plain", "photo"]
 
 MAX_PIXELS = 64_000_000
 MIN_SIDE = 16
-MAX_SIDE = 1024  # larger pictures are shrunk when read: no encoder sees more, and cutting out would take long
-MARGIN = 0.06  # free on either side of the object, as in training
-PLAIN_SHARE = 0.8  # of border pixels that look alike on a plain background
-PLAIN_DISTANCE = 14.0  # in CIELAB, the largest difference from the background's colour that is still background
+# Larger pictures are shrunk when they are read: no encoder sees more, and cutting out would take long.
+MAX_SIDE = 1024
+# Share of the side that is free on either side of the object, as in training.
+MARGIN = 0.06
+# Share of the border's pixels that have nearly one colour on a plain background.
+PLAIN_SHARE = 0.8
+# The largest difference from the background's colour, in CIELAB, that still counts as background.
+PLAIN_DISTANCE = 14.0
 
-# A soft shadow in CIELAB: how dark, how coloured, how steep a pixel (of 512 a side) it may be.
+# The darkest and most coloured that a soft shadow may be in CIELAB, its steepest slope per pixel of 512 a side, and the
+# blur before the slope is measured.
 SHADOW_DEPTH, SHADOW_COLOUR, SHADOW_SLOPE, SHADOW_BLUR = 35.0, 5.0, 1.2, 1.0
 
 
 class ImageError(ValueError):
-    """A picture that cannot be used, with a sentence that says why and what to do."""
+    """A picture that cannot be used; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class Cutout:
+    """The object of a picture on a transparent ground, and which of three kinds of background it was cut from.
+
+    alpha: the picture was transparent already. plain: its border has one colour. photo: anything else.
+    """
+
+    image: RGBA
+    background: Background
+
+    def crop(self, size: int) -> UInt8[np.ndarray, "size size 4"]:
+        """The object as a network of this input size is given it."""
+        return crop_to_object(self.image, size)
 
 
 def load_image(source: Source) -> RGBA:
@@ -49,21 +70,24 @@ def load_image(source: Source) -> RGBA:
         raise ImageError(f"{path} cannot be read ({error.strerror}).") from None
 
 
-def cut_out(image: RGBA) -> tuple[RGBA, Background]:
-    """Make everything but the object transparent, and say which of the three cases it was.
+def cut_out(source: Source | Cutout) -> Cutout:
+    """Read a picture and make everything but the object transparent; what is cut out already stays as it is.
 
-    alpha: the picture has transparency already. plain: the border has one colour. photo: anything else, cut by rembg
-    when it is installed and by GrabCut (Rother et al. 2004) when not. Raises ImageError when nothing is left.
+    A photograph is cut by rembg where it is installed, and by GrabCut (Rother et al. 2004) where it is not. Raises
+    ImageError for a picture that cannot be used, or when nothing is left of it.
     """
+    if isinstance(source, Cutout):
+        return source
+    image = load_image(source)
     if (image[..., 3] < 128).mean() > 0.005:
-        return _not_empty(image), "alpha"
+        return Cutout(_not_empty(image), "alpha")
     plain = _border_is_plain(image)
     alpha = _plain_alpha(image) if plain else _photo_alpha(image)
-    return _not_empty(np.dstack([image[..., :3], alpha])), "plain" if plain else "photo"
+    return Cutout(_not_empty(np.dstack([image[..., :3], alpha])), "plain" if plain else "photo")
 
 
 def cut_by_colour(image: RGBA, difference: float) -> RGBA:
-    """Transparent where the colour differs from the border's by less than `difference` in CIELAB, for a visitor to set.
+    """Make transparent what differs from the border's colour by less than `difference` in CIELAB.
 
     Raises ImageError when nothing is left.
     """
@@ -89,10 +113,10 @@ def over_white(image: RGBA) -> UInt8[np.ndarray, "h w 3"]:
     return cv2.add(cv2.multiply(image[..., :3], alpha, scale=1 / 255), cv2.bitwise_not(alpha))
 
 
-def prepare(source: Source, size: int) -> tuple[UInt8[np.ndarray, "size size 4"], Background]:
+def prepare(source: Source | Cutout, size: int) -> tuple[UInt8[np.ndarray, "size size 4"], Background]:
     """From any picture to what an encoder is given: read, cut out, cropped to the object."""
-    image, background = cut_out(load_image(source))
-    return crop_to_object(image, size), background
+    cutout = cut_out(source)
+    return cutout.crop(size), cutout.background
 
 
 def edges(image: RGBA) -> UInt8[np.ndarray, "h w 4"]:
@@ -133,7 +157,8 @@ def _open(source: bytes | Image.Image | np.ndarray, name: str) -> Image.Image:
     if isinstance(source, bytes):
         if not source:
             raise ImageError(f"{name} is empty (0 bytes).")
-        with warnings.catch_warnings():  # our own limit has a sentence of its own
+        with warnings.catch_warnings():
+            # The limit of this file is lower and has a message of its own.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             return Image.open(io.BytesIO(source))
     if source.dtype != np.uint8 or source.shape[2:] not in ((), (3,), (4,)) or source.ndim < 2 or not source.size:
@@ -148,10 +173,12 @@ def _to_rgba(picture: Image.Image, name: str) -> RGBA:
         raise ImageError(f"{name} has {width} × {height} pixels; at most {MAX_PIXELS / 1e6:.0f} million are read.")
     if min(width, height) < MIN_SIDE:
         raise ImageError(f"{name} has {width} × {height} pixels; at least {MIN_SIDE} × {MIN_SIDE} are needed.")
-    if picture.mode.startswith("I"):  # 16 bits: PIL would clip instead of scale
+    if picture.mode.startswith("I"):
+        # Of 16 bits PIL would clip the values instead of scaling them.
         picture = Image.fromarray((np.asarray(picture, np.int64) >> 8).clip(0, 255).astype(np.uint8))
     upright = (ImageOps.exif_transpose(picture) or picture).convert("RGBA")
-    upright.thumbnail((MAX_SIDE, MAX_SIDE), Image.Resampling.BOX)  # PIL weighs colours by alpha
+    # PIL weighs the colours by alpha here.
+    upright.thumbnail((MAX_SIDE, MAX_SIDE), Image.Resampling.BOX)
     return np.array(upright)
 
 
@@ -187,7 +214,8 @@ def _plain_alpha(image: RGBA) -> UInt8[np.ndarray, "h w"]:
     sharp = PLAIN_DISTANCE / 2
     alpha = np.clip((distance - sharp / 2) / sharp, 0, 1)
     outside = _with_soft_shadow(image, _connected_to_border(distance < PLAIN_DISTANCE / 3))
-    light_inside = ~outside & (distance >= 1.0)  # a white seat on white is kept where something encloses it
+    # A white seat on white stays where something encloses it.
+    light_inside = ~outside & (distance >= 1.0)
     alpha = np.where(outside, 0, np.maximum(alpha, 0.999 * light_inside))
     return _without_specks((alpha * 255).astype(np.uint8))
 
@@ -213,7 +241,8 @@ def _without_specks(alpha: UInt8[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]
 
     labels = np.asarray(cv2.connectedComponents((alpha > 32).astype(np.uint8), connectivity=8)[1], np.int64)
     areas = np.bincount(labels.ravel())
-    areas[0] = 0  # the background is no component
+    # The background is no component.
+    areas[0] = 0
     small = areas < max(4, 0.002 * areas.sum())
     return np.where(small[labels], 0, alpha)
 

@@ -140,7 +140,7 @@ def _likely(studio: Studio, asked: Asked, generator: str) -> list[tuple[str, flo
 def answer_cut_out(picture: Source, difference: float | int | None = None) -> Image:
     """What a program gets for a picture: the object, cut out by its `difference` from the border's colour if given."""
     how = Correction() if difference is None else Correction("by colour", float(difference))
-    return cut_out(corrected(picture, how))[0]
+    return cut_out(corrected(picture, how)).image
 
 
 def answer_generators(studio: Studio) -> list[dict[str, Any]]:

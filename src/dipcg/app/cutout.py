@@ -8,7 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 from jaxtyping import UInt8
 
-from dipcg.images import ImageError, Source, crop_to_object, cut_by_colour, cut_out, load_image
+from dipcg.images import ImageError, Source, cut_by_colour, cut_out, load_image
 
 How = Literal["automatic", "by colour", "own mask", "nothing"]
 HOWS: tuple[str, ...] = get_args(How)
@@ -61,13 +61,13 @@ def cropped(image: UInt8[np.ndarray, "h w 4"], crop: tuple[float, float, float, 
 
 def shown(image: UInt8[np.ndarray, "h w 4"]) -> tuple[UInt8[np.ndarray, "s s 4"], str]:
     """The cut-out as the model will see it, and in words how it was made; raises images.ImageError."""
-    cut, background = cut_out(image)
+    cutout = cut_out(image)
     how = {
         "alpha": "Cut out by its transparency.",
         "plain": "Cut out from a plain background.",
         "photo": "Cut out of a photograph; look whether all of it is there.",
-    }[background]
-    return crop_to_object(cut, SIDE), how
+    }[cutout.background]
+    return cutout.crop(SIDE), how
 
 
 def _masked(image: UInt8[np.ndarray, "h w 4"], mask: Source | None) -> UInt8[np.ndarray, "h w 4"]:
