@@ -1,9 +1,9 @@
-"""Whether spreads and chances can be believed: ranks of the truth among samples, coverage, and reliability of choices.
+"""Whether spreads and probabilities are right: ranks of the truth among samples, coverage, and reliability of choices.
 
 Simulation-based calibration (Talts et al. 2018) on pictures of a split's unseen shapes (`DIPCG_BENCH_DATA`, a folder of
 `dipcg dataset build`; `DIPCG_BENCH_SPLIT`, test when left out) with the checkpoint that ships for its generator or the
-folder `DIPCG_BENCH_CHECKPOINT`. The figure is written to `DIPCG_BENCH_FIGURE`. With `DIPCG_BENCH_FIT=1` the factor
-by which samples are widened is fitted on the validation split first, and written to the checkpoint's card.
+folder `DIPCG_BENCH_CHECKPOINT`. The figure is written to `DIPCG_BENCH_FIGURE`. With `DIPCG_BENCH_FIT=1` the calibration
+scale of the samples is fitted on the validation split first, and written to the checkpoint's card.
 """
 
 import json
@@ -19,7 +19,7 @@ from dipcg.data.store import Store
 from dipcg.evaluation.evaluate import Case, split_cases
 from dipcg.model.zoo import CARD, find_checkpoint
 from dipcg.pipeline import Estimate, Inverter
-from dipcg.space import Real
+from dipcg.space import ParameterSpace, Real
 
 COUNT = int(os.environ.get("DIPCG_BENCH_PICTURES", "200"))
 FIGURE = Path(os.environ.get("DIPCG_BENCH_FIGURE", "out/calibration.png"))
@@ -40,10 +40,10 @@ class Drawn(NamedTuple):
 
 @dataclass
 class Found:
-    """All active reals; and for each active choice the chance of its likeliest option, and whether that is right."""
+    """All active reals; for each active choice the probability of its likeliest option, and whether it is right."""
 
     reals: list[Drawn] = field(default_factory=list)
-    chance: list[float] = field(default_factory=list)
+    probability: list[float] = field(default_factory=list)
     right: list[bool] = field(default_factory=list)
 
 
@@ -62,13 +62,13 @@ def main() -> None:
 
 
 def measured(checkpoint: str, data: str, split: str, widen: float | None = None) -> Found:
-    """Where the truth lies among the samples of all pictures; widened as the card says, when it is not said here."""
+    """Where the truth lies among the samples of all pictures; scaled as the card says unless a scale is given."""
     found, rng = Found(), np.random.default_rng(0)
     with Inverter.load(checkpoint) as inverter:
         config = inverter.model.config
         inverter.model.config = replace(config, widen=config.widen if widen is None else widen)
         for case in split_cases(data, COUNT, split=split):
-            add(found, case, inverter.estimate(case.image, 1 + SAMPLES), rng)
+            add(found, case, inverter.estimate(case.image, 1 + SAMPLES), inverter.generator.space, rng)
     return found
 
 
@@ -79,12 +79,12 @@ def fit(checkpoint: str, data: str) -> None:
     card = json.loads(path.read_text())
     card["model"]["widen"] = round(float(FACTORS[np.argmin(off)]), 2)
     path.write_text(json.dumps(card, indent=1))
-    print(f"Samples are widened {card['model']['widen']:g} times.\n")
+    print(f"The calibration scale of the samples is {card['model']['widen']:g}.\n")
 
 
-def add(found: Found, case: Case, estimate: Estimate, rng: np.random.Generator) -> None:
+def add(found: Found, case: Case, estimate: Estimate, space: ParameterSpace, rng: np.random.Generator) -> None:
     """Note where the truth lies for every parameter that it has active."""
-    space, truth = estimate.inverter.generator.space, case.params
+    truth = case.params
     assert truth is not None
     drawn = np.array([space.encode(c.params) for c in estimate.candidates[1:]])
     active = np.array([space.active(c.params) for c in estimate.candidates[1:]])
@@ -94,14 +94,14 @@ def add(found: Found, case: Case, estimate: Estimate, rng: np.random.Generator) 
         if isinstance(parameter, Real):
             found.reals.append(Drawn(drawn[active[:, i], i], centre[i], right[i], rng.random()))
         else:
-            chances = estimate.chances[parameter.name]
-            likeliest = max(chances, key=chances.__getitem__)
-            found.chance.append(chances[likeliest])
+            probabilities = estimate.probabilities[parameter.name]
+            likeliest = max(probabilities, key=probabilities.__getitem__)
+            found.probability.append(probabilities[likeliest])
             found.right.append(likeliest == truth[parameter.name])
 
 
 def below(found: Found, factor: float = 1.0) -> np.ndarray:
-    """For each real the share of samples below the truth, when they are widened by a factor."""
+    """For each real the share of samples below the truth, when their distance from the expectation is scaled."""
 
     def share(one: Drawn) -> float:
         values = (one.centre + factor * (one.values - one.centre)).clip(-1, 1)
@@ -116,25 +116,27 @@ def coverage(found: Found, level: float, factor: float = 1.0) -> float:
 
 
 def reliability(found: Found) -> list[tuple[float, float, int]]:
-    """Mean chance, share right and number of choices, in bins of equal width of the chance."""
-    chance, right = np.array(found.chance), np.array(found.right)
-    where = np.minimum((chance * BINS).astype(int), BINS - 1)
+    """Mean probability, share right and number of choices, in bins of equal width of the probability."""
+    probability, right = np.array(found.probability), np.array(found.right)
+    where = np.minimum((probability * BINS).astype(int), BINS - 1)
     inside = [where == number for number in range(BINS)]
-    return [(float(chance[i].mean()), float(right[i].mean()), int(i.sum())) for i in inside if i.any()]
+    return [(float(probability[i].mean()), float(right[i].mean()), int(i.sum())) for i in inside if i.any()]
 
 
 def calibration_error(found: Found) -> float:
     """The expected calibration error (Guo et al. 2017)."""
     bins = reliability(found)
-    return sum(count * abs(chance - right) for chance, right, count in bins) / sum(count for _, _, count in bins)
+    return sum(count * abs(mean - right) for mean, right, count in bins) / sum(count for _, _, count in bins)
 
 
 def report(found: Found) -> None:
     header("what", "should be", "is")
     for level in LEVELS:
         row(f"active reals inside their {100 * level:.0f} % interval", f"{level:.2f}", f"{coverage(found, level):.3f}")
-    if found.chance:  # a flower has no choices
-        row("chance of the likeliest option, mean", f"{np.mean(found.right):.3f}", f"{np.mean(found.chance):.3f}")
+    # A flower has no choices.
+    if found.probability:
+        mean = np.mean(found.probability)
+        row("probability of the likeliest option, mean", f"{np.mean(found.right):.3f}", f"{mean:.3f}")
         row("expected calibration error of choices", "0", f"{calibration_error(found):.3f}")
     print(f"\n{len(found.reals)} reals and {len(found.right)} choices of {COUNT} pictures, {SAMPLES} samples each.")
 
@@ -153,7 +155,7 @@ def draw(found: Found, path: Path) -> None:
     middle.plot(levels, [coverage(found, level) for level in levels], "k.-")
     middle.set(xlabel="central interval of the samples", ylabel="share of truths inside", title="coverage of reals")
     right.plot(*np.array(reliability(found)).reshape(-1, 3).T[:2], "k.-")
-    right.set(xlabel="chance of the likeliest option", ylabel="share right", title="reliability of choices")
+    right.set(xlabel="probability of the likeliest option", ylabel="share right", title="reliability of choices")
     left.axhline(1, color="tab:red")
     for axes in (middle, right):
         axes.plot([0, 1], [0, 1], color="tab:red")

@@ -62,14 +62,14 @@ def climb(inverter: Inverter, case: Case, turned: bool) -> Iterable[tuple[str, f
     estimate = inverter.estimate(case.image)
     yield "estimate", distance(inverter.pool.build(estimate.params, "light"), case, turned), _since(started)
     started = time.perf_counter()
-    ranked = rank(estimate)
+    ranked = rank(estimate, inverter)
     taken = _since(started)
     apart = {id(c.params): distance(c.mesh, case, turned) for c in ranked.candidates}
     samples = [d for params, d in apart.items() if params != id(estimate.expected.params) and np.isfinite(d)]
     yield "one sample, the mean of all", float(np.mean(samples or list(apart.values()))), 0
     yield "best ranked", apart[id(ranked.params)], taken
     yield f"best of {len(estimate.candidates)} by truth", min(apart.values()), 0
-    search = Search(ranked, time.monotonic(), 0)
+    search = Search(ranked, inverter, time.monotonic(), 0)
     for builds in AFTER:
         started = time.perf_counter()
         while search.goes_on(np.inf, builds):

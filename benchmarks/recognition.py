@@ -2,7 +2,8 @@
 
 `DIPCG_BENCH_SETS` names folders of `dipcg dataset build`, with `:` between them; the checkpoints are those that ship.
 Each generator's misfits of its own pictures are set against those of the others', as the area under the ROC curve, and
-so is the strangeness, which hears the classifier too. Then how many pictures are doubted, by both and by misfit alone.
+so is the out-of-distribution score, to which the classifier adds. Then how many pictures are doubted, by the score and
+by the misfit alone.
 `DIPCG_BENCH_PICTURES` may name folders, with `:` between them, of other pictures whose names begin with what they show.
 """
 
@@ -16,25 +17,27 @@ import numpy as np
 from benchmarks.timing import header, machine, row
 from dipcg.data.store import Store
 from dipcg.evaluation.evaluate import split_cases
-from dipcg.images import Source
-from dipcg.inference.rank import rank, warning
-from dipcg.inference.recognise import TRIED, at_a_glance, doubt, recognisable, strangeness
-from dipcg.pipeline import Inverter
+from dipcg.images import Source, cut_out
+from dipcg.inference.inverters import Inverters
+from dipcg.inference.rank import rank
+from dipcg.inference.recognise import TRIED, doubt, out_of_distribution_score, poor_fit
 
 COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "20"))
-OF = " of "  # between what pictures show and the folder they are from
+# Stands between what pictures show and the folder they are from.
+OF = " of "
 
 
 class Look(NamedTuple):
-    """A picture tried with one generator: how little it fits, and whether it is doubted, and for its misfit alone."""
+    """A picture tried with one generator: misfit and out-of-distribution score, and whether either makes it doubted."""
 
     misfit: float
-    strangeness: float
+    score: float
     doubted: bool
-    strange: bool
+    misfits: bool
 
 
-Looked = dict[str, dict[str, list[Look]]]  # of a generator at what is shown
+# By generator, and by what the pictures show.
+Looked = dict[str, dict[str, list[Look]]]
 
 
 def main() -> None:
@@ -43,7 +46,8 @@ def main() -> None:
         return print("Skipped: set DIPCG_BENCH_SETS to folders of `dipcg dataset build`, with `:` between them.")
     print(f"{machine()}, {COUNT} pictures of each test split\n")
     shown = pictures(folders, os.environ.get("DIPCG_BENCH_PICTURES", "").split(":"))
-    looked = {name: tried(name, shown) for name in recognisable()}
+    with Inverters(workers=2) as inverters:
+        looked = {name: tried(inverters, name, shown) for name in inverters}
     print_recognised(looked, list(shown))
     print()
     print_doubted(looked)
@@ -72,15 +76,15 @@ def print_recognised(looked: Looked, shown: Sequence[str]) -> None:
 
 
 def print_doubted(looked: Looked) -> None:
-    areas = ("area under the curve of the misfit", "of the strangeness")
+    areas = ("area under the curve of the misfit", "of the out-of-distribution score")
     header("generator", *areas, "own pictures doubted", "others doubted", "others doubted by misfit alone")
     for name, found in looked.items():
         own = [look for of, looks in found.items() if of.split(OF)[0] == name for look in looks]
         others = [look for of, looks in found.items() if of.split(OF)[0] != name for look in looks]
         if others and own:
-            shares = (share(own, "doubted"), share(others, "doubted"), share(others, "strange"))
+            shares = (share(own, "doubted"), share(others, "doubted"), share(others, "misfits"))
             misfits = area([look.misfit for look in own], [look.misfit for look in others])
-            both = area([look.strangeness for look in own], [look.strangeness for look in others])
+            both = area([look.score for look in own], [look.score for look in others])
             row(name, f"{misfits:.3f}", f"{both:.3f}", *shares)
 
 
@@ -89,20 +93,20 @@ def share(looks: Sequence[Look], what: str) -> str:
     return f"{np.mean([getattr(look, what) for look in looks]):.1%} of {len(looks)}"
 
 
-def tried(name: str, shown: dict[str, list[Source]]) -> dict[str, list[Look]]:
+def tried(inverters: Inverters, name: str, shown: dict[str, list[Source]]) -> dict[str, list[Look]]:
     """The looks of one generator at the pictures of every set."""
-    with Inverter.load(name, workers=2) as inverter:
-        return {of: [look(inverter, picture) for picture in pictures] for of, pictures in shown.items()}
+    looks = {of: [look(inverters, name, picture) for picture in pictures] for of, pictures in shown.items()}
+    inverters[name].close()
+    return looks
 
 
-def look(inverter: Inverter, picture: Source) -> Look:
+def look(inverters: Inverters, name: str, picture: Source) -> Look:
     """After ranking as few candidates as recognising does; the misfit is 1 when nothing can be built."""
-    found = rank(inverter.estimate(picture, TRIED))
+    cutout, inverter = cut_out(picture), inverters[name]
+    found, classes = rank(inverter.estimate(cutout, TRIED), inverter), inverters.classify(cutout)
     misfit = 1.0 if found.misfit is None else found.misfit
-    seen = at_a_glance(found)
-    return Look(
-        misfit, strangeness(misfit, seen[inverter.generator.name]), doubt(found) is not None, warning(found) is not None
-    )
+    score = out_of_distribution_score(misfit, classes[name])
+    return Look(misfit, score, doubt(found, classes) is not None, poor_fit(found) is not None)
 
 
 def area(own: Sequence[float] | np.ndarray, others: Sequence[float]) -> float:

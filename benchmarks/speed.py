@@ -20,7 +20,7 @@ def main() -> None:
         inverter.pool.build(inverter.estimate(PICTURE).params)
 
         def to_glb() -> None:
-            inverter.estimate(PICTURE).build().export(target)
+            inverter.build(inverter.estimate(PICTURE).params).export(target)
 
         command = [sys.executable, "-m", "dipcg.cli", "estimate", str(PICTURE), "-g", "chair", "-o", str(target)]
 
@@ -33,7 +33,7 @@ def main() -> None:
         with Inverter.load("chair", workers=2) as pair:
 
             def ranked() -> None:
-                rank(pair.estimate(PICTURE, candidates=16)).build().export(target)
+                pair.build(rank(pair.estimate(PICTURE, candidates=16), pair).params).export(target)
 
             _row("picture to 16 ranked candidates to the best one's GLB, two warm workers", *seconds(ranked, 5))
         _row("`dipcg estimate` from a cold start", *seconds(cold, 3))

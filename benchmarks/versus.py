@@ -107,7 +107,7 @@ def _methods(inverter: Inverter, neighbours: Neighbours, number: int) -> list[Me
         once(f"nearest neighbour of {neighbours.count}", lambda case: neighbours.find(case.image).params, 0),
         once("direct regression", lambda case: inverter.guess(case.image).params, 0),
         once("estimate, 1 candidate", lambda case: inverter.estimate(case.image, 1).params, 0),
-        once("16 candidates, ranked", lambda case: rank(inverter.estimate(case.image, 16)).params, 16),
+        once("16 candidates, ranked", lambda case: rank(inverter.estimate(case.image, 16), inverter).params, 16),
         searching("random search", "random", False),
         searching("CMA-ES", "cma", False),
         searching("MCMC", "mcmc", False),

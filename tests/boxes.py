@@ -52,9 +52,10 @@ def picture(inverter: Inverter, params: Params = TRUTH, seed: int = 0) -> np.nda
 
 def among(inverter: Inverter, image: np.ndarray, *candidates: Params, view: View = VIEW) -> Estimate:
     """An estimate with these candidates in place of its own, and reals known to a tenth of their range."""
-    found = [Candidate(params, view) for params in candidates]
+    chosen = [Candidate(params, view) for params in candidates]
     spread = {p.name: (p.high - p.low) / 10 for p in inverter.generator.space if isinstance(p, Real)}
-    return replace(inverter.estimate(image, candidates=1, steps=1), candidates=found, expected=found[0], spread=spread)
+    estimate = inverter.estimate(image, candidates=1, steps=1)
+    return replace(estimate, candidates=chosen, expected=chosen[0], spread=spread)
 
 
 def write_ball(folder: Path, most: float) -> str:

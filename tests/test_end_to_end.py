@@ -241,8 +241,8 @@ def test_python_and_the_command_line_say_the_same(trained, pictures, tmp_path):
     words = [pictures[0], "-g", trained, "-o", tmp_path / "a.glb", "--candidates", 4, "--steps", 2]
     (typed,) = estimated(*words)
     with Inverter.load(str(trained)) as inverter:
-        estimate = rank(inverter.estimate(pictures[0], candidates=4, steps=2))
-        asset = estimate.build()
+        estimate = rank(inverter.estimate(pictures[0], candidates=4, steps=2), inverter)
+        asset = inverter.build(estimate.params)
     assert [candidate.params for candidate in estimate.candidates] == [c["params"] for c in typed["candidates"]]
     assert estimate.params == asset.params == typed["candidates"][0]["params"]
     assert estimate.view.azimuth_deg == typed["candidates"][0]["view"]["azimuth_deg"]

@@ -16,6 +16,7 @@ from PIL import Image
 
 from dipcg.app.limits import MOST_BODY_BYTES
 from dipcg.images import MAX_PIXELS
+from dipcg.inference.estimate import Options
 
 
 @pytest.fixture(scope="module")
@@ -25,8 +26,9 @@ def client(address):
 
 def test_a_program_gets_what_python_gets(client, studio, picture, tmp_path):
     found = client.predict(handle_file(picture), "box", 2, 0, {"width": 0.4}, api_name="/estimate")
-    expected = studio.estimate(picture, "box", {"width": 0.4}, candidates=2)
+    expected = studio.estimate(picture, Options(generator="box", candidates=2, fixed={"width": 0.4})).estimate
     assert [c["params"] for c in found["candidates"]] == [c.params for c in expected.candidates]
+    assert (found["generators"], found["chances"]) == ({"box": 1.0}, found["probabilities"])
     assert found["candidates"][0]["agreement"] == pytest.approx(expected.candidates[0].agreement)
     best = found["candidates"][0]["params"]
     file = client.predict("box", best, ".glb", False, api_name="/build")
@@ -39,7 +41,8 @@ def test_a_program_gets_what_python_gets(client, studio, picture, tmp_path):
 def test_a_program_may_say_what_it_wants(client, studio):
     pytest.importorskip("transformers")
     found = client.predict("a low box with legs", "", 2, 0, {"width": 0.4}, api_name="/describe")
-    expected = studio.describe("a low box with legs", "box", {"width": 0.4}, 2)
+    options = Options(generator="box", candidates=2, fixed={"width": 0.4})
+    expected = studio.describe("a low box with legs", options).estimate
     assert [c["params"] for c in found["candidates"]] == [c.params for c in expected.candidates]
     assert found["misfit"] is None
 

@@ -25,6 +25,7 @@ from dipcg.app.state import Work
 from dipcg.app.viewer import scene
 from dipcg.cli import main
 from dipcg.generators import load_generator
+from dipcg.inference.estimate import Options
 from dipcg.space import Real, params_from_json
 
 # Parameters as rows
@@ -108,13 +109,14 @@ def test_the_command_line_makes_the_same_file_again(studio, downloads, tmp_path)
 
 
 def test_an_estimate_is_the_pipelines_own(studio, picture):
-    told = []
-    found = studio.estimate(picture, "box", candidates=3, report=lambda share, words: told.append(share))
+    shares = []
+    options = Options(generator="box", candidates=3)
+    found = studio.estimate(picture, options, report=lambda share, words: shares.append(share)).estimate
     expected = studio.inverters["box"].estimate(picture, candidates=3)
     assert 1 < len(found.candidates) <= 3
     assert all(c.params in [e.params for e in expected.candidates] for c in found.candidates)
     assert all(c.mesh is not None for c in found.candidates)
-    assert told == sorted(told)
+    assert shares == sorted(shares)
     strip = app_actions.strip(studio, found)
     assert len(strip["candidates"]) == len(found.candidates)
     tile = Image.open(io.BytesIO(base64.b64decode(strip["candidates"][0]["image"].split(",")[1])))
@@ -128,8 +130,9 @@ def test_a_killed_worker_costs_no_candidate(studio, picture):
             for child in list(studio.inverters["box"].pool._children):
                 child._process.kill()
 
-    undisturbed = studio.estimate(picture, "box", candidates=2)
-    found = studio.estimate(picture, "box", candidates=2, report=kill)
+    options = Options(generator="box", candidates=2)
+    undisturbed = studio.estimate(picture, options).estimate
+    found = studio.estimate(picture, options, report=kill).estimate
     assert [c.params for c in found.candidates] == [c.params for c in undisturbed.candidates]
     for child in list(studio.inverters["box"].pool._children):
         child._process.kill()
@@ -137,13 +140,15 @@ def test_a_killed_worker_costs_no_candidate(studio, picture):
 
 
 def test_held_values_stay_when_the_rest_is_estimated_again(studio, picture):
-    found = studio.estimate(picture, "box", {"width": 0.35, "top": "pyramid"}, candidates=2, seed=3)
+    fixed = {"width": 0.35, "top": "pyramid"}
+    found = studio.estimate(picture, Options(generator="box", candidates=2, seed=3, fixed=fixed)).estimate
     assert {(c.params["width"], c.params["top"]) for c in found.candidates} == {(0.35, "pyramid")}
 
 
 def test_words_become_candidates_with_meshes_around_what_is_held(studio):
     pytest.importorskip("transformers")
-    found = studio.describe("a low box with legs", "box", {"width": 0.35}, candidates=3)
+    options = Options(generator="box", candidates=3, fixed={"width": 0.35})
+    found = studio.describe("a low box with legs", options).estimate
     assert {c.params["width"] for c in found.candidates} == {0.35}
     assert all(c.mesh is not None and c.agreement is None for c in found.candidates)
     assert len({c.view for c in found.candidates}) == 1, "all from one side"
@@ -158,7 +163,7 @@ def test_words_become_candidates_with_meshes_around_what_is_held(studio):
 def test_words_that_cannot_be_read_get_a_sentence(studio, text):
     pytest.importorskip("transformers")
     with pytest.raises(ValueError, match="The text"):
-        studio.describe(text, "box")
+        studio.describe(text, Options(generator="box", candidates=2))
 
 
 def test_a_scene_holds_the_surface_it_was_made_of(mesh):

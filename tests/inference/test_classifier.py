@@ -1,5 +1,6 @@
 """The classifier of pictures."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,9 +10,12 @@ import torch
 from boxes import untrained
 
 from dipcg.data.store import build_dataset
+from dipcg.generators import load_generator
+from dipcg.images import cut_out
 from dipcg.inference.classifier import ENCODER, fingerprint, load_classifier
-from dipcg.inference.recognise import DOUBTED, at_a_glance, doubt, recognise, strangeness
-from dipcg.model.checkpoint import load_checkpoint
+from dipcg.inference.inverters import Inverters
+from dipcg.inference.recognise import OUT_OF_DISTRIBUTION_SCORE, doubt, out_of_distribution_score, recognise
+from dipcg.model.checkpoint import load_checkpoint, save_checkpoint
 from dipcg.model.zoo import find_checkpoint, shipped
 from dipcg.pipeline import Inverter
 from dipcg.training.fit import fit, summaries
@@ -68,40 +72,72 @@ def test_the_classifier_that_ships_belongs_to_the_encoder_that_ships_and_knows_a
     assert classifier.encoder == fingerprint(Inverter(model, generator))
 
 
+@pytest.fixture(scope="module")
+def inverters() -> Iterator[Inverters]:
+    """All that ship, whether or not they can be built here."""
+    with Inverters(shipped()) as inverters:
+        yield inverters
+
+
 @pytest.mark.parametrize("name", shipped())
-def test_each_example_is_recognised_without_a_build(name, monkeypatch):
+def test_each_example_is_recognised_without_a_build(name, inverters, monkeypatch):
     monkeypatch.setattr("dipcg.inference.recognise.rank", None)
-    inverters = {other: Inverter(*load_checkpoint(find_checkpoint(other))[:2]) for other in {ENCODER, "vase", name}}
-    found = recognise(EXAMPLES / f"{name}.png", inverters)
-    assert found[0][0] == name
-    assert np.isclose(sum(chance for _, chance in found), 1)
+    picture = cut_out(EXAMPLES / f"{name}.png")
+    probabilities = recognise(picture, inverters, inverters.classify(picture))
+    assert next(iter(probabilities)) == name
+    assert np.isclose(sum(probabilities.values()), 1)
 
 
 @pytest.mark.parametrize("name", shipped())
-def test_a_picture_of_another_kind_is_doubted_without_a_build_and_its_own_is_not(name):
-    with Inverter(*load_checkpoint(find_checkpoint(name))[:2]) as inverter:
-        assert doubt(inverter.estimate(EXAMPLES / f"{name}.png", 1)) is None
-        for other in {*shipped()} - {name, "vase"}:  # the vase could be a flower at first sight
-            found = doubt(inverter.estimate(EXAMPLES / f"{other}.png", 1))
-            assert found is not None
-            assert f"try '{other}'" in found
+def test_a_picture_of_another_kind_is_doubted_without_a_build_and_its_own_is_not(name, inverters):
+    def sentence(shown: str) -> str | None:
+        picture = cut_out(EXAMPLES / f"{shown}.png")
+        return doubt(inverters[name].estimate(picture, 1), inverters.classify(picture))
+
+    assert sentence(name) is None
+    # The vase could be a flower by its class alone.
+    for other in {*shipped()} - {name, "vase"}:
+        assert f"try '{other}'" in sentence(other)
 
 
-def test_what_fits_badly_and_looks_like_something_else_is_the_strangest():
-    assert strangeness(0.0, 1.0) == 0
-    assert strangeness(1.0, 0.0) == 1
-    assert strangeness(0.4, 0.3) > max(strangeness(0.2, 0.3), strangeness(0.4, 0.6))
-    assert strangeness(None, 0.06) <= DOUBTED < strangeness(None, 0.04), "unranked: at first sight, where that is sure"
+def test_a_network_is_loaded_when_it_is_used_and_once(monkeypatch):
+    loaded, load = [], Inverter.load.__func__
+    monkeypatch.setattr(Inverter, "load", classmethod(lambda cls, *words: loaded.append(words[0]) or load(cls, *words)))
+    with Inverters(["vase", ENCODER, "table"]) as inverters:
+        assert list(inverters) == ["vase", ENCODER, "table"]
+        assert loaded == []
+        assert inverters["vase"] is inverters["vase"]
+        assert inverters.classify(EXAMPLES / "vase.png")["vase"] > 0.5
+        assert inverters[ENCODER] is inverters[ENCODER]
+    assert [Path(folder).name for folder in loaded] == ["vase", ENCODER]
 
 
-def test_a_picture_that_fits_badly_is_doubted_though_it_looks_like_its_kind():
-    with Inverter(*load_checkpoint(find_checkpoint("chair"))[:2]) as inverter:
-        found = inverter.estimate(EXAMPLES / "chair.png", 1)
-    assert at_a_glance(found)["chair"] > 0.8
-    assert doubt(replace(found, misfit=0.3)) is None
-    assert "by only 20 %" in doubt(replace(found, misfit=0.8))
+def test_a_generator_that_the_classifier_does_not_know_needs_no_encoder(tmp_path):
+    save_checkpoint(tmp_path / "any", untrained("box").model, load_generator("box"), {})
+    with Inverters([str(tmp_path / "any")]) as inverters:
+        assert list(inverters) == ["box"]
+        assert inverters.classify(EXAMPLES / "chair.png") == {}
+    with pytest.raises(ValueError, match=r"There is no generator 'bax' here\. Did you mean 'box'"):
+        inverters.find("bax")
 
 
-def test_a_generator_that_the_classifier_does_not_know_is_not_doubted():
+def test_what_fits_badly_and_looks_like_something_else_has_the_highest_score():
+    score = out_of_distribution_score
+    assert score(0.0, 1.0) == 0
+    assert score(1.0, 0.0) == 1
+    assert score(0.4, 0.3) > max(score(0.2, 0.3), score(0.4, 0.6))
+    assert score(None, 0.06) <= OUT_OF_DISTRIBUTION_SCORE < score(None, 0.04), "unranked: where the class is sure"
+
+
+def test_a_picture_that_fits_badly_is_doubted_though_its_class_is_right(inverters):
+    picture = cut_out(EXAMPLES / "chair.png")
+    estimate, classes = inverters["chair"].estimate(picture, 1), inverters.classify(picture)
+    assert classes["chair"] > 0.8
+    assert doubt(replace(estimate, misfit=0.3), classes) is None
+    assert "by only 20 %" in doubt(replace(estimate, misfit=0.8), classes)
+
+
+def test_a_generator_that_the_classifier_does_not_know_is_not_doubted(inverters):
+    picture = cut_out(EXAMPLES / "vase.png")
     with untrained("box") as inverter:
-        assert doubt(inverter.estimate(EXAMPLES / "vase.png", 1)) is None
+        assert doubt(inverter.estimate(picture, 1), inverters.classify(picture)) is None

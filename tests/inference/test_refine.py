@@ -11,7 +11,8 @@ from dipcg.inference.rank import rank
 from dipcg.inference.refine import PATIENCE, refine
 from dipcg.pipeline import Inverter
 
-LONG = 1000.0  # seconds; builds end the search
+# Seconds; the number of builds ends the search.
+LONG = 1000.0
 
 
 @pytest.fixture(scope="module")
@@ -31,8 +32,8 @@ def apart(params: dict) -> float:
 
 def test_a_search_comes_nearer_to_the_truth_and_says_how(inverter, image):
     start = with_changes(width=0.65, depth=0.65, height=0.55, leg_height=0.2, lid_height=0.2)
-    ranked, steps = rank(among(inverter, image, start)), []
-    found = refine(ranked, LONG, steps.append, most_builds=120, seed=1)
+    ranked, steps = rank(among(inverter, image, start), inverter), []
+    found = refine(ranked, inverter, LONG, steps.append, most_builds=120, seed=1)
     assert found.misfit < ranked.misfit - 0.05
     assert apart(found.params) < 0.6 * apart(start)
     assert [tuple(step) for step in found.trace[1:]] == [tuple(step) for step in steps]
@@ -44,21 +45,21 @@ def test_a_search_comes_nearer_to_the_truth_and_says_how(inverter, image):
 
 
 def test_a_wrong_choice_is_jumped_over(inverter, image):
-    ranked = rank(among(inverter, image, with_changes(has_legs=False)))
-    assert refine(ranked, LONG, most_builds=48).params["has_legs"] is True
+    ranked = rank(among(inverter, image, with_changes(has_legs=False)), inverter)
+    assert refine(ranked, inverter, LONG, most_builds=48).params["has_legs"] is True
 
 
-def test_what_is_held_stays(inverter, image):
-    held = {"width": 0.7, "top": "flat"}
-    start = among(inverter, image, with_changes(**held))
-    found = refine(replace(start, kept=held), LONG, most_builds=24)
+def test_fixed_values_stay(inverter, image):
+    fixed = {"width": 0.7, "top": "flat"}
+    start = among(inverter, image, with_changes(**fixed))
+    found = refine(replace(start, fixed=fixed), inverter, LONG, most_builds=24)
     for candidate in found.candidates:
-        assert {name: candidate.params[name] for name in held} == held
+        assert {name: candidate.params[name] for name in fixed} == fixed
 
 
 def test_a_search_that_finds_nothing_better_ends(inverter, image):
-    ranked = rank(among(inverter, image, TRUTH))
-    found = refine(ranked, LONG)
+    ranked = rank(among(inverter, image, TRUTH), inverter)
+    found = refine(ranked, inverter, LONG)
     assert found.misfit <= ranked.misfit
     assert apart(found.params) < 0.1
     last = [step.misfit for step in found.trace[-PATIENCE:]]
@@ -68,4 +69,4 @@ def test_a_search_that_finds_nothing_better_ends(inverter, image):
 @pytest.mark.parametrize("seconds", [0, -3, float("nan")])
 def test_no_time_is_no_search(inverter, image, seconds):
     with pytest.raises(ValueError, match="A search needs more than 0 seconds"):
-        refine(among(inverter, image, TRUTH), seconds)
+        refine(among(inverter, image, TRUTH), inverter, seconds)

@@ -218,7 +218,7 @@ def test_a_checkpoint_of_the_recipe_estimates_in_250_steps(trained, tmp_path):
         assert calls == [8] * 250 + [2] * 250
         assert BOX.space.validate(estimate.params) == estimate.params
         assert vars(estimate.view) == pytest.approx(vars(UNSEEN_VIEW), abs=1e-4)
-        fixed = inverter.estimate(tmp_path / "box.png", candidates=2, steps=10, keep={"width": 0.5, "top": "flat"})
+        fixed = inverter.estimate(tmp_path / "box.png", candidates=2, steps=10, fixed={"width": 0.5, "top": "flat"})
         assert all(c.params["width"] == 0.5 and c.params["top"] == "flat" for c in fixed.candidates)
         with pytest.raises(ValueError, match="has no direct guess"):
             inverter.guess(tmp_path / "box.png")

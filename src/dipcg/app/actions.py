@@ -15,15 +15,15 @@ from jaxtyping import UInt8
 
 from dipcg.app import state as app_work
 from dipcg.app.cutout import Correction, corrected
-from dipcg.app.service import CANDIDATES, Report, Studio
+from dipcg.app.service import CANDIDATES, Studio
 from dipcg.app.session import Change
 from dipcg.app.state import Asked, Work
 from dipcg.app.viewer import data_url, scene
 from dipcg.export.asset import FORMATS, NEEDS
 from dipcg.generators import Detail
-from dipcg.images import Source, crop_to_object, cut_out, load_image
-from dipcg.inference.recognise import doubt
-from dipcg.inference.serialise import answer
+from dipcg.images import Source, crop_to_object, cut_out
+from dipcg.inference.estimate import Options, Report, Result
+from dipcg.inference.serialise import to_dict
 from dipcg.pipeline import Estimate
 
 KEPT_S = 3600.0  # seconds that a written file stays
@@ -34,18 +34,17 @@ Image = UInt8[np.ndarray, "h w 4"]
 
 
 def estimate(
-    studio: Studio, asked: Asked, generator: str, keep: Mapping[str, Any], seed: int, report: Report
+    studio: Studio, asked: Asked, generator: str, fixed: Mapping[str, Any], seed: int, report: Report
 ) -> tuple[Change, Strip]:
     """Estimate from a picture or from words: the change that opens the best, and the strip of candidates.
 
     An empty `generator` lets it choose. Raises what `Studio.estimate` and `Studio.describe` do.
     """
-    report(0.05, "Reading your words" if isinstance(asked, str) else "Looking at the picture")
-    likely = _likely(studio, asked, generator)
-    find: Any = studio.describe if isinstance(asked, str) else studio.estimate
-    found = find(asked, likely[0][0], keep, seed=seed, report=report)
-    fresh = app_work.estimated(likely[0][0], found, asked, frozenset(keep))
-    return lambda work: app_work.replaced(work, fresh), strip(studio, found) | {"note": told(found, likely)}
+    options = Options(generator=generator or None, candidates=studio.candidates, seed=seed, fixed=fixed)
+    work: Any = studio.describe if isinstance(asked, str) else studio.estimate
+    result: Result = work(asked, options, report)
+    fresh = app_work.estimated(result.estimate, asked, frozenset(fixed))
+    return lambda work: app_work.replaced(work, fresh), strip(studio, result.estimate) | {"note": note(result)}
 
 
 def strip(studio: Studio, found: Estimate) -> Strip:
@@ -61,14 +60,13 @@ def strip(studio: Studio, found: Estimate) -> Strip:
     return picture | {"candidates": candidates}
 
 
-def told(found: Estimate, likely: list[tuple[str, float]]) -> str:
-    """How the estimate went, in a sentence or two."""
-    name, chance = likely[0]
-    which = f"Recognised as {name} ({100 * chance:.0f} % sure). " if len(likely) > 1 else ""
-    count = len(found.candidates)
+def note(result: Result) -> str:
+    """A sentence or two about the result for the page."""
+    likeliest = next(iter(result.probabilities.items()), ("", 1.0))
+    which = f"Recognised as {likeliest[0]} ({100 * likeliest[1]:.0f} % sure). " if len(result.probabilities) > 1 else ""
+    count = len(result.estimate.candidates)
     many = f"{count} different candidates, the likeliest first." if count > 1 else "All candidates are alike."
-    careful = doubt(found)
-    return which + (f"Careful: {careful}" if careful else many)
+    return which + (f"Careful: {result.doubt}" if result.doubt else many)
 
 
 def view_of(studio: Studio, work: Work) -> dict[str, Any] | None:
@@ -116,25 +114,24 @@ def answer_estimate(
     keep: object = None,
 ) -> dict[str, Any]:  # fmt: skip
     """What a program gets for a picture: candidates with parameters, view and agreement, and how sure each thing is."""
-    image = load_image(picture)
-    likely = _likely(studio, image, generator)
-    found = studio.estimate(image, likely[0][0], _named_values(keep or {}), candidates, seed)
-    return answer(found, dict(likely), doubt(found))
+    return _plain(studio.estimate(picture, _options(generator, candidates, seed, keep)))
 
 
 def answer_describe(
     studio: Studio, text: str, generator: str = "", candidates: int = CANDIDATES, seed: int = 0, keep: object = None
 ) -> dict[str, Any]:
     """What a program gets for a sentence: as for a picture, without agreement and misfit."""
-    likely = _likely(studio, text, generator)
-    found = studio.describe(text, likely[0][0], _named_values(keep or {}), candidates, seed)
-    return answer(found, dict(likely), doubt(found))
+    return _plain(studio.describe(text, _options(generator, candidates, seed, keep)))
 
 
-def _likely(studio: Studio, asked: Asked, generator: str) -> list[tuple[str, float]]:
-    if generator:
-        return [(generator, 1.0)]
-    return studio.recognise_text(asked) if isinstance(asked, str) else studio.recognise(asked)
+def _options(generator: str, candidates: int, seed: int, keep: object) -> Options:
+    fixed = _named_values(keep or {})
+    return Options(generator=generator or None, candidates=candidates, seed=seed, fixed=fixed)
+
+
+def _plain(result: Result) -> dict[str, Any]:
+    """The result ready for JSON; a generator that the request names has the probability 1."""
+    return to_dict(result) | {"generators": result.probabilities or {result.estimate.generator: 1.0}}
 
 
 def answer_cut_out(picture: Source, difference: float | int | None = None) -> Image:

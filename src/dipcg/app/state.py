@@ -53,10 +53,10 @@ def opened(work: Work, index: int) -> Work:
     return replace(work, chosen=index, params=params, before=(), moving="", opened=work.opened + 1)
 
 
-def estimated(generator: str, found: Estimate, asked: Asked, held: frozenset[str] = frozenset()) -> Work:
-    """What an estimate found for a picture or for words, its best candidate open."""
-    candidates = tuple(Found(c.params, c.view, c.agreement) for c in found.candidates)
-    fresh = Work(generator, candidates, 0, {}, found.spread, found.chances, held, asked=asked)
+def estimated(estimate: Estimate, asked: Asked, held: frozenset[str] = frozenset()) -> Work:
+    """An estimate for a picture or for words, its best candidate open."""
+    candidates = tuple(Found(c.params, c.view, c.agreement) for c in estimate.candidates)
+    fresh = Work(estimate.generator, candidates, 0, {}, estimate.spread, estimate.probabilities, held, asked=asked)
     return opened(fresh, 0)
 
 

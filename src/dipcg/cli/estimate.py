@@ -1,35 +1,38 @@
-"""The command that turns pictures into assets: estimate."""
+"""The command that turns pictures or a sentence into assets: estimate."""
 
 from __future__ import annotations
 
 import json as jsons
 import os
 import sys
-from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from tyro.conf import Positional, arg
 
-from dipcg.cli.assets import Options, Settings, Written, parse_settings
+from dipcg.cli.assets import Options as WrittenFlags
+from dipcg.cli.assets import Settings, Written, parse_settings
 
 if TYPE_CHECKING:
     from dipcg.cli.batch import Batch
-    from dipcg.pipeline import Estimate, Inverter
+    from dipcg.inference.estimate import Options, Result
+    from dipcg.inference.inverters import Inverters
+    from dipcg.pipeline import Inverter
 
-MOST_WORKERS = 4
+MAX_WORKERS = 4
 
 
 def estimate(
     images: Positional[tuple[Path, ...]] = (),
     /,
     *,
-    written: Options,
+    written: WrittenFlags,
     text: str | None = None,
     views: bool = False,
-    generator: Annotated[str | None, arg(aliases=["-g"], metavar="NAME")] = None,  # `Name | None` would lose the alias
+    # The alias `Name | None` would lose the short flag.
+    generator: Annotated[str | None, arg(aliases=["-g"], metavar="NAME")] = None,
     candidates: int = 16,
     steps: int | None = None,
     seed: int = 0,
@@ -53,7 +56,7 @@ def estimate(
             when left out, it is recognised among those that ship
         candidates: how many to choose from: the expected one, and samples
         steps: of the sampler; as many as the checkpoint was made for when left out
-        seed: of the samples
+        seed: random seed of the samples
         keep: parameters to hold, as name=value; the rest is estimated around them
         rank: build all candidates and take the one that matches the picture best, instead of the expected one
         refine: seconds to search on from the best candidate
@@ -61,153 +64,139 @@ def estimate(
     """
     if refine is not None and not refine > 0:
         raise ValueError(f"A search (--refine) takes more than 0 seconds, got {refine:g}.")
-    if text is not None:
-        return _estimate_text(text, images, generator, written, candidates, steps, seed, parse_settings(keep), preview)
+    fixed, batch, targets = parse_settings(keep), None, {}
     images, others = (images[:1], images[1:]) if views else (images, ())
-    batch, kept = _batch(images, written, preview), parse_settings(keep)
-    targets = _targets(images, written, preview) if batch is None else _batch_targets(batch, written)
-    if not targets:
-        return
+    if text is None:
+        batch = _open_batch(images, written, preview)
+        targets = _targets(images, written, preview) if batch is None else _batch_targets(batch, written)
+    elif images:
+        raise ValueError("Give pictures or --text, not both: dipcg estimate --text 'a tall bar chair' -o OUT.glb")
+    else:
+        _check_outputs(written, preview)
+    # This imports torch, which takes seconds, so what can be refused is refused before.
+    from dipcg.inference.estimate import Options
+
+    options = Options(
+        candidates=candidates, steps=steps, seed=seed, fixed=fixed, rank=rank and candidates > 1, refine_s=refine
+    )
+    if text is not None:
+        _estimate_text(text, generator, written, options, preview)
+    elif targets:
+        _estimate_all(targets, others, generator, written, options, batch)
+
+
+class Targets(NamedTuple):
+    """The files to write for one picture."""
+
+    output: Path
+    params: Path | None
+    preview: Path | None
+
+
+def _estimate_all(
+    targets: dict[Path, Targets],
+    others: Sequence[Path],
+    generator: str | None,
+    written: Written,
+    options: Options,
+    batch: Batch | None,
+) -> None:
+    """Estimate every picture; `others` show the same object as the only one. Exits with code 1 if any fails."""
+    from dipcg.inference.inverters import Inverters
+
+    workers = _workers(once=len(targets) == 1 and options.refine_s is None) if _builds_many(options, generator) else 1
     problems: dict[Path, str] = {}
-    with ExitStack() as stack:
-        once = len(targets) == 1 and refine is None
-        workers = _workers(once) if (rank and candidates > 1) or refine is not None else 1
-        inverters = _inverters(stack, generator, workers)
-        work = _Work(inverters, generator is None, candidates, steps, seed, kept, rank, refine, others)
-        work.check()
+    with Inverters([generator] if generator else [], workers) as inverters:
+        if generator:
+            options = _prepare(inverters, options)
         for image in targets:
-            problems |= _try_estimate(work, image, targets[image], written)
+            problems |= _try_estimate(image, others, targets[image], inverters, written, options)
             if batch is not None:
                 batch.write_page(problems)
     if problems:
         raise SystemExit(1)
-    return None
 
 
-@dataclass(frozen=True)
-class _Work:
-    """What is done to each picture."""
+def _prepare(inverters: Inverters, options: Options) -> Options:
+    """The options with the one generator; its workers are started, and fixed values are checked before any work."""
+    from dipcg.model.constraints import check_fixed
 
-    inverters: Mapping[str, Inverter]
-    recognised: bool
-    candidates: int
-    steps: int | None
-    seed: int
-    kept: Mapping[str, str]
-    ranked: bool
-    refine: float | None
-    others: tuple[Path, ...] = ()
-    """pictures of the same object, besides the one that is estimated"""
-
-    def check(self) -> None:
-        """Raise ValueError for values that cannot be held, before any work is done."""
-        from dipcg.model.constraints import check_kept
-
-        if not self.recognised:
-            for inverter in self.inverters.values():
-                check_kept(inverter.generator.space, self.kept)
-                inverter.pool.warm()
-
-    def __call__(self, image: Path) -> tuple[Estimate, dict[str, float]]:
-        """The estimate, and the chance of each generator when it was left open."""
-        chances = self._recognise(image) if self.recognised else {}
-        inverter = self.inverters[next(iter(chances or self.inverters))]
-        options = (self.candidates, self.steps, self.seed, self.kept)
-        found = self._search(inverter.estimate_views([image, *self.others], *options))
-        self._warn_of_others(found)
-        return found, chances
-
-    def _warn_of_others(self, found: Estimate) -> None:
-        """Say which of the other pictures does not show what was found: its camera is estimated, and it is compared."""
-        from dipcg.inference.rank import rank
-        from dipcg.inference.recognise import doubt
-
-        for other in self.others:
-            space, params = found.inverter.generator.space, found.params
-            held = {name: params[name] for name in space.names if space.is_active(name, params)}
-            _warn(other, doubt(rank(found.inverter.estimate(other, 2, self.steps, self.seed, held))))
-
-    def _recognise(self, image: Path) -> dict[str, float]:
-        from dipcg.inference.recognise import recognise
-
-        return dict(recognise(image, self.inverters))
-
-    def _search(self, found: Estimate) -> Estimate:
-        from dipcg.cli.terminal import bar
-        from dipcg.inference.rank import rank
-        from dipcg.inference.refine import refine
-
-        if self.refine is None:
-            return rank(found) if self.ranked and len(found.candidates) > 1 else found
-        with bar("searching", 1000) as update:
-            per_second = 1000 / self.refine
-            return refine(found, self.refine, lambda s: update(int(s.seconds * per_second), f"misfit {s.misfit:.3f}"))
+    ((name, inverter),) = inverters.items()
+    check_fixed(inverter.generator.space, options.fixed)
+    inverter.pool.warm()
+    return replace(options, generator=name)
 
 
-def _estimate_text(
-    text: str,
-    images: Sequence[Path],
-    generator: str | None,
-    written: Written,
-    candidates: int,
-    steps: int | None,
-    seed: int,
-    kept: Mapping[str, str],
-    preview: Path | None,
-) -> None:
-    """Turn a sentence into an asset; raises ValueError when pictures are given too."""
-    from dipcg.export.asset import check_target
-    from dipcg.inference.recognise_text import recognise_text
-    from dipcg.model.zoo import find_checkpoint
-    from dipcg.pipeline import Inverter
+def _try_estimate(
+    image: Path, others: Sequence[Path], targets: Targets, inverters: Inverters, written: Written, options: Options
+) -> dict[Path, str]:
+    """Estimate one picture and write its files; an error is printed and returned, so that the others go on."""
+    from dipcg.cli.terminal import bar, error_text
+    from dipcg.inference.estimate import estimate
 
-    if images:
-        raise ValueError("Give pictures or --text, not both: dipcg estimate --text 'a tall bar chair' -o OUT.glb")
-    written.check()
-    if preview is not None:
-        check_target(preview, (".png",))
-    chances = {} if generator else dict(recognise_text(text))
-    generator = generator or next(iter(chances))
-    with Inverter.load(str(find_checkpoint(generator, "text"))) as inverter:
-        found = inverter.describe(text, candidates, steps, seed, kept)
-        targets = (written.output, written.params_out, preview)
-        _write(found, targets, written)
-        _tell(Path(text), found, chances, targets, written.json)
+    try:
+        if options.refine_s is None:
+            result = estimate([image, *others], inverters, options)
+        else:
+            with bar("searching", 1000) as update:
+                result = estimate(
+                    [image, *others], inverters, options, lambda share, note: update(int(1000 * share), note)
+                )
+        _write(result, inverters[result.estimate.generator], targets, written)
+        _print(image, result, targets, written.json)
+        for other, doubt in zip(others, result.view_doubts, strict=True):
+            _warn(other, doubt)
+    except (ValueError, RuntimeError) as error:
+        text = error_text(error)
+        print(text if str(image) in text else f"{image}: {text}", file=sys.stderr)
+        return {image: text}
+    return {}
+
+
+def _estimate_text(text: str, generator: str | None, written: Written, options: Options, preview: Path | None) -> None:
+    """Turn a sentence into an asset."""
+    from dipcg.inference.estimate import describe
+    from dipcg.inference.inverters import Inverters
+
+    with Inverters([generator] if generator else [], reads="text") as inverters:
+        if generator:
+            options = replace(options, generator=next(iter(inverters)))
+        result = describe(text, inverters, options)
+        targets = Targets(written.output, written.params_out, preview)
+        _write(result, inverters[result.estimate.generator], targets, written)
+        _print(Path(text), result, targets, written.json)
+
+
+def _builds_many(options: Options, generator: str | None) -> bool:
+    return generator is not None and (options.rank or options.refine_s is not None)
 
 
 def _workers(once: bool) -> int:
-    """How many pay: one takes as long to start as twenty builds, so for one ranking every other core has one."""
-    return max(1, min(MOST_WORKERS, (os.cpu_count() or 1) // (2 if once else 1)))
-
-
-def _inverters(stack: ExitStack, generator: str | None, workers: int) -> dict[str, Inverter]:
-    from dipcg.inference.recognise import recognisable
-    from dipcg.pipeline import Inverter
-
-    names = recognisable() if generator is None else [generator]
-    return {name: stack.enter_context(Inverter.load(name, workers if generator else 1)) for name in names}
-
-
-Targets = tuple[Path | None, ...]  # of the mesh, the parameters and the preview
+    """How many workers save time: one takes as long to start as twenty builds, so one ranking uses half the cores."""
+    return max(1, min(MAX_WORKERS, (os.cpu_count() or 1) // (2 if once else 1)))
 
 
 def _targets(images: Sequence[Path], written: Written, preview: Path | None) -> dict[Path, Targets]:
     """The files of each picture, all of which can be written; raises ValueError."""
-    from dipcg.export.asset import check_target
-
     if not images:
         raise ValueError("Give at least one picture.")
-    written.check()
-    if preview is not None:
-        check_target(preview, (".png",))
-    asked = (written.output, written.params_out, preview)
-    targets = {image: tuple(_named_after(path, image, len(images) > 1) for path in asked) for image in images}
+    _check_outputs(written, preview)
+    many = len(images) > 1
+    targets = {image: _named_after(image, many, written.output, written.params_out, preview) for image in images}
     _check_distinct(images, [path for image in images for path in targets[image] if path])
     return targets
 
 
-def _batch(images: Sequence[Path], written: Written, preview: Path | None) -> Batch | None:
-    """What is to be done when a folder was given; raises ValueError."""
+def _named_after(image: Path, many: bool, output: Path, params: Path | None, preview: Path | None) -> Targets:
+    """The files of one picture, named after it where there are several."""
+    if not many:
+        return Targets(output, params, preview)
+    stem = image.stem
+    return Targets(output.with_stem(stem), params and params.with_stem(stem), preview and preview.with_stem(stem))
+
+
+def _open_batch(images: Sequence[Path], written: Written, preview: Path | None) -> Batch | None:
+    """The folder of pictures that was given, None for single pictures; raises ValueError."""
     from dipcg.cli.batch import open_batch
 
     if len(images) != 1 or not images[0].is_dir():
@@ -225,23 +214,17 @@ def _batch_targets(batch: Batch, written: Written) -> dict[Path, Targets]:
     _check_distinct(list(batch.files), [path for files in every for path in (files.asset, files.params, files.preview)])
     page = batch.write_page({})
     print(f"{len(batch.waiting)} of {len(batch.files)} pictures wait; see {page}.", file=sys.stderr)
-    found = {picture: batch.files[picture] for picture in batch.waiting}
-    return {picture: (files.asset, files.params, files.preview) for picture, files in found.items()}
+    waiting = {picture: batch.files[picture] for picture in batch.waiting}
+    return {picture: Targets(files.asset, files.params, files.preview) for picture, files in waiting.items()}
 
 
-def _try_estimate(work: _Work, image: Path, targets: Targets, written: Written) -> dict[Path, str]:
-    """Estimate one picture and write its files; an error is printed and returned, so that the others go on."""
-    from dipcg.cli.terminal import error_text
+def _check_outputs(written: Written, preview: Path | None) -> None:
+    """Raise ExportError for a file that could not be written."""
+    from dipcg.export.asset import check_target
 
-    try:
-        found, chances = work(image)
-        _write(found, targets, written)
-        _tell(image, found, chances, targets, written.json)
-    except (ValueError, RuntimeError) as error:
-        text = error_text(error)
-        print(text if str(image) in text else f"{image}: {text}", file=sys.stderr)
-        return {image: text}
-    return {}
+    written.check()
+    if preview is not None:
+        check_target(preview, (".png",))
 
 
 def _check_distinct(images: Sequence[Path], targets: Sequence[Path]) -> None:
@@ -253,38 +236,30 @@ def _check_distinct(images: Sequence[Path], targets: Sequence[Path]) -> None:
         taken.add(target.absolute())
 
 
-def _write(found: Estimate, targets: Targets, written: Written) -> None:
+def _write(result: Result, inverter: Inverter, targets: Targets, written: Written) -> None:
     from dipcg.inference.preview import side_by_side
 
-    output, params_out, preview = targets
-    assert output is not None
-    asset = written.finish(found.build(detail=written.detail))
-    asset.export(output)
-    if params_out:
-        asset.save_params(params_out)
-    if preview:
-        side_by_side(found, asset.mesh, preview)
+    asset = written.finish(inverter.build(result.estimate.params, written.detail))
+    asset.export(targets.output)
+    if targets.params:
+        asset.save_params(targets.params)
+    if targets.preview:
+        side_by_side(result.estimate, asset.mesh, targets.preview)
 
 
-def _tell(image: Path, found: Estimate, chances: dict[str, float], targets: Targets, json: bool) -> None:
-    """Say on the first stream what was written, and on the other what is doubtful about it."""
-    from dipcg.inference.recognise import doubt
-    from dipcg.inference.serialise import answer
+def _print(image: Path, result: Result, targets: Targets, json: bool) -> None:
+    """Print on stdout what was written, and on stderr what is doubtful about it."""
+    from dipcg.inference.serialise import to_dict
 
-    output, params_out, _ = targets
-    doubtful = doubt(found)
     if json:
-        print(jsons.dumps({"image": str(image), "output": str(output)} | answer(found, chances, doubtful)))
+        print(jsons.dumps({"image": str(image), "output": str(targets.output)} | to_dict(result)))
     else:
-        sure = f" ({next(iter(chances))}, {100 * max(chances.values()):.0f} % sure)" if chances else ""
-        print(f"{image} -> {output}" + (f", {params_out}" if params_out else "") + sure)
-    _warn(image, doubtful)
+        likeliest = next(iter(result.probabilities.items()), None)
+        sure = f" ({likeliest[0]}, {100 * likeliest[1]:.0f} % sure)" if likeliest else ""
+        print(f"{image} -> {targets.output}" + (f", {targets.params}" if targets.params else "") + sure)
+    _warn(image, result.doubt)
 
 
 def _warn(image: Path, doubt: str | None) -> None:
     if doubt:
         print(f"{image}: {doubt}", file=sys.stderr)
-
-
-def _named_after(path: Path | None, image: Path, many: bool) -> Path | None:
-    return path.with_stem(image.stem) if path and many else path

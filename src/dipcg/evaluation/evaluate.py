@@ -30,8 +30,10 @@ from dipcg.render import Renderer, sample_look
 from dipcg.space import Params
 from dipcg.workers.process import BuildError
 
-PICTURE = 256  # side of the pictures made of a test split
-CHOSEN_BY = 2500  # points by which the candidate nearest to the truth is found
+# Side of the pictures that are made of a test split.
+PICTURE = 256
+# Points by which the candidate nearest to the truth is found.
+CHOSEN_BY = 2500
 Sampler = Callable[[int, np.random.Generator], np.ndarray]
 
 
@@ -74,8 +76,8 @@ def _pair(path: Path) -> Case:
     return Case(path.stem, path, lambda count, rng: rng.choice(points, count, count > len(points)))
 
 
-class Answer(NamedTuple):
-    """What a row of the table says to a picture; without a mesh when it cannot be built."""
+class Shown(NamedTuple):
+    """The parameters that a row of the table has for a picture, and their mesh; None when it cannot be built."""
 
     row: str
     params: Params
@@ -119,49 +121,49 @@ def evaluate(
     for number, case in enumerate(cases):
         if case.mesh is not None:
             table.add("noise floor", _compare(table.metrics, case, case.mesh, None, number, False, inverter))
-        for row, params, mesh in [_random(inverter, number), mean, *_answers(inverter, case, plan)]:
+        for row, params, mesh in [_random(inverter, number), mean, *_estimates(inverter, case, plan)]:
             values = _compare(table.metrics, case, mesh, params, number, plan.quarter_turns, inverter)
             table.add(row, values, failed=mesh is None)
         report(case)
     return table
 
 
-def _answers(inverter: Inverter, case: Case, plan: Plan) -> Iterator[Answer]:
-    """Those that depend on the picture."""
-    found = inverter.estimate(case.image, max(2, plan.candidates), plan.steps)
+def _estimates(inverter: Inverter, case: Case, plan: Plan) -> Iterator[Shown]:
+    """The rows that depend on the picture."""
+    estimate = inverter.estimate(case.image, max(2, plan.candidates), plan.steps)
     yield from _nearest(plan.random_shapes, case, plan.quarter_turns)
-    yield from _estimated(inverter, found, case)
+    yield from _unranked(inverter, estimate, case)
     if plan.ranked or plan.refine_s:
-        yield from _chosen(found, case, plan.refine_s, plan.quarter_turns)
+        yield from _ranked(inverter, estimate, case, plan)
 
 
-def _random(inverter: Inverter, number: int) -> Answer:
+def _random(inverter: Inverter, number: int) -> Shown:
     rng = np.random.default_rng([1, number])
     return _built(inverter, "prior (a random one)", inverter.generator.space.sample(rng))
 
 
-def _nearest(shapes: Sequence[Shape], case: Case, quarter_turns: bool) -> Iterator[Answer]:
+def _nearest(shapes: Sequence[Shape], case: Case, quarter_turns: bool) -> Iterator[Shown]:
     if shapes:
         few = shortlist(shapes, case.sample(CHOSEN_BY, np.random.default_rng(0)), quarter_turns)
         nearest = min(few, key=lambda shape: distance(shape.mesh, case, quarter_turns))
-        yield Answer(f"nearest of {len(shapes)} random", nearest.params, nearest.mesh)
+        yield Shown(f"nearest of {len(shapes)} random", nearest.params, nearest.mesh)
 
 
-def _estimated(inverter: Inverter, found: Estimate, case: Case) -> Iterator[Answer]:
-    if inverter.model.config.objective == "flow":  # the paper's model makes no guess
+def _unranked(inverter: Inverter, estimate: Estimate, case: Case) -> Iterator[Shown]:
+    if inverter.model.makes_guess:
         yield _built(inverter, "direct guess", inverter.guess(case.image).params)
-    yield _built(inverter, "most central sample", found.candidates[1].params)
-    yield _built(inverter, ESTIMATE, found.params)
+    yield _built(inverter, "most central sample", estimate.candidates[1].params)
+    yield _built(inverter, ESTIMATE, estimate.params)
 
 
-def _chosen(found: Estimate, case: Case, refine_s: float, quarter_turns: bool) -> Iterator[Answer]:
-    chosen = rank(found)
-    yield Answer("best ranked", chosen.params, chosen.candidates[0].mesh)
-    nearest = min(chosen.candidates, key=lambda candidate: distance(candidate.mesh, case, quarter_turns))
-    yield Answer(f"best of {len(found.candidates)} by truth", nearest.params, nearest.mesh)
-    if refine_s:
-        searched = refine(chosen, refine_s)
-        yield Answer(f"refined for {refine_s:g} s", searched.params, searched.candidates[0].mesh)
+def _ranked(inverter: Inverter, estimate: Estimate, case: Case, plan: Plan) -> Iterator[Shown]:
+    ranked = rank(estimate, inverter)
+    yield Shown("best ranked", ranked.params, ranked.candidates[0].mesh)
+    nearest = min(ranked.candidates, key=lambda candidate: distance(candidate.mesh, case, plan.quarter_turns))
+    yield Shown(f"best of {len(estimate.candidates)} by truth", nearest.params, nearest.mesh)
+    if plan.refine_s:
+        refined = refine(ranked, inverter, plan.refine_s)
+        yield Shown(f"refined for {plan.refine_s:g} s", refined.params, refined.candidates[0].mesh)
 
 
 def distance(mesh: Mesh | None, case: Case, quarter_turns: bool) -> float:
@@ -173,11 +175,11 @@ def distance(mesh: Mesh | None, case: Case, quarter_turns: bool) -> float:
     return chamfer(best_quarter_turn(ours, truth) if quarter_turns else ours, truth)
 
 
-def _built(inverter: Inverter, row: str, params: Params) -> Answer:
+def _built(inverter: Inverter, row: str, params: Params) -> Shown:
     try:
-        return Answer(row, params, inverter.build(params, "light").mesh)
+        return Shown(row, params, inverter.build(params, "light").mesh)
     except BuildError:
-        return Answer(row, params, None)
+        return Shown(row, params, None)
 
 
 def _compare(
@@ -190,7 +192,8 @@ def _compare(
     inverter: Inverter,
 ) -> dict[str, float]:
     values: dict[str, float] = {}
-    rng = np.random.default_rng([1, number])  # the truth's points are the same in every row, whichever rows there are
+    # The truth has the same points in every row, whichever rows there are.
+    rng = np.random.default_rng([1, number])
     for count in sorted({metric.points for metric in metrics if metric.compares == "points"}):
         truth, ours = case.sample(count, rng), None if mesh is None else surface_points(mesh, count, rng)
         if ours is not None and quarter_turns:
@@ -201,8 +204,9 @@ def _compare(
     if case.params is not None and params is not None:
         for metric in metrics:
             if metric.compares == "params":
-                found = metric.measure(inverter.generator.space, case.params, params)
-                values |= {} if np.isnan(found) else {metric.name: found}  # a flower has no choices to be right in
+                value = metric.measure(inverter.generator.space, case.params, params)
+                # A flower has no choices, and so no accuracy of choices.
+                values |= {} if np.isnan(value) else {metric.name: value}
     return values
 
 

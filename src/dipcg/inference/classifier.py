@@ -19,7 +19,7 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
-from dipcg.images import Source, prepare
+from dipcg.images import Cutout, Source, cut_out
 from dipcg.model.zoo import SHIPPED
 from dipcg.pipeline import Inverter
 
@@ -37,13 +37,13 @@ class Classifier:
     weight: Float[Tensor, "k w"]
     bias: Float[Tensor, " k"]
 
-    def classify(self, picture: Source, inverter: Inverter) -> dict[str, float]:
+    def classify(self, picture: Source | Cutout, inverter: Inverter) -> dict[str, float]:
         """The probability that a picture shows each class, the likeliest first; `inverter` has the encoder.
 
         Raises images.ImageError.
         """
         with torch.inference_mode():
-            return self.probabilities(inverter.features(prepare(picture, inverter.image_size)[0]).summary)
+            return self.probabilities(inverter.features(cut_out(picture).crop(inverter.image_size)).summary)
 
     def probabilities(self, summary: Float[Tensor, "1 w"]) -> dict[str, float]:
         """The probability of each class given an encoder's summary, the likeliest first."""

@@ -1,7 +1,7 @@
-"""Corrections that the network itself suggests: what it reads from a candidate's render, against the picture.
+"""Corrections that the network itself suggests: its guess from the picture against its guess from a candidate's render.
 
-An estimate is drawn towards the usual and has habits. Both show in what the network makes of a render whose parameters
-are known, so the difference of the two readings says where to go: indirect inference (Gouriéroux et al. 1993).
+A guess is biased, towards typical values and otherwise. The bias shows in the guess from a render whose parameters are
+known, so the difference of both guesses says where to go: indirect inference (Gouriéroux et al. 1993).
 """
 
 from __future__ import annotations
@@ -12,32 +12,32 @@ from jaxtyping import Bool, Float, UInt8
 
 from dipcg.camera import VIEW_NUMBERS, View, decode_view, encode_view
 from dipcg.images import MARGIN
-from dipcg.model.estimators import PaperEstimator
 from dipcg.pipeline import Candidate, Estimate, Inverter
 from dipcg.render import Renderer
 from dipcg.space import Params
 
-STEPS = (1.0, 0.5, 1.0, 1.0)  # shares of the correction; from the third on, of a random half of the parameters
+# Shares of the correction that are tried; the last two are of a random half of the parameters.
+STEPS = (1.0, 0.5, 1.0, 1.0)
 
 
 class Corrector:
     """Suggests parameters and a camera nearer to the picture than those of a built candidate."""
 
-    def __init__(self, estimate: Estimate, rng: np.random.Generator) -> None:
-        self.inverter, self.space, self.kept = estimate.inverter, estimate.inverter.generator.space, estimate.kept
-        self.rng, self.renderer = rng, Renderer(self.inverter.image_size)
-        self._wanted = read(self.inverter, estimate.image)
+    def __init__(self, estimate: Estimate, inverter: Inverter, rng: np.random.Generator) -> None:
+        self.inverter, self.space, self.fixed = inverter, inverter.generator.space, estimate.fixed
+        self.rng, self.renderer = rng, Renderer(inverter.image_size)
+        self._target = first_guess(inverter, estimate.image)
 
     def close(self) -> None:
         """Free the renderer."""
         self.renderer.close()
 
     def suggest(self, candidate: Candidate) -> list[tuple[Params, View]]:
-        """Four ways to go on from a built candidate; choices and what is held stay."""
+        """Four corrections of a built candidate; its choices and the fixed values stay."""
         assert candidate.mesh is not None
         x = np.r_[self.space.encode(candidate.params), encode_view(candidate.view)]
         seen = self.renderer.render(candidate.mesh, candidate.view, margin=MARGIN)
-        correction = self._wanted - read(self.inverter, seen)
+        correction = self._target - first_guess(self.inverter, seen)
         correction[self.space.choices] = 0
         return [self._decode(x + share * part * correction) for share, part in zip(STEPS, self._parts(x), strict=True)]
 
@@ -48,16 +48,16 @@ class Corrector:
 
     def _decode(self, x: Float[np.ndarray, " d"]) -> tuple[Params, View]:
         params = self.space.decode(x[:-VIEW_NUMBERS].clip(-1, 1))
-        return self.space.replace(params, self.kept), decode_view(x[-VIEW_NUMBERS:])
+        return self.space.replace(params, self.fixed), decode_view(x[-VIEW_NUMBERS:])
 
 
-def can_correct(estimate: Estimate) -> bool:
-    """Whether the network makes a direct guess at pictures of one size: the paper's does not."""
-    side = estimate.inverter.image_size
-    return not isinstance(estimate.inverter.model, PaperEstimator) and estimate.image.shape[:2] == (side, side)
+def can_correct(estimate: Estimate, inverter: Inverter) -> bool:
+    """Whether the network makes a direct guess, as the paper's does not, from pictures of the estimate's size."""
+    side = inverter.image_size
+    return inverter.model.makes_guess and estimate.image.shape[:2] == (side, side)
 
 
 @torch.inference_mode()
-def read(inverter: Inverter, image: UInt8[np.ndarray, "s s 4"]) -> Float[np.ndarray, " d"]:
-    """What the network expects of a prepared picture at first sight, as x with the camera's numbers."""
+def first_guess(inverter: Inverter, image: UInt8[np.ndarray, "s s 4"]) -> Float[np.ndarray, " d"]:
+    """The direct guess from a prepared picture, as x with the camera's numbers."""
     return inverter.model.first_guess(inverter.features(image)).mean[0].double().numpy()

@@ -1,4 +1,4 @@
-"""Pictures for people: the photo beside what was found, and contact sheets."""
+"""Pictures for people: a photograph beside its estimate, and contact sheets."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ from dipcg.render import PALETTE, Look, Renderer
 
 Tile = UInt8[np.ndarray, "s s 3"]
 SIDE = 384
-TOLD_VIEW = View(-30.0, 20.0, 2.5)
+# The camera for an estimate from text, which has none of its own.
+TEXT_VIEW = View(-30.0, 20.0, 2.5)
 
 
 def side_by_side(estimate: Estimate, mesh: Mesh, path: str | Path | None = None) -> UInt8[np.ndarray, "h w 3"]:
     """The picture as the model saw it, the result from the estimated camera, and the result turned by 60°.
 
-    Of what was told in words there is no picture and no camera: the result is seen from two sides.
+    An estimate from text has no picture and no camera: its result is seen from two sides.
     """
-    renderer, told = Renderer(SIDE), estimate.background == "words"
-    view = TOLD_VIEW if told else estimate.view
+    renderer, from_text = Renderer(SIDE), estimate.background == "words"
+    view = TEXT_VIEW if from_text else estimate.view
     turned = View(view.azimuth_deg + 60, 20.0, view.distance)
-    photo = [] if told else [prepare(np.ascontiguousarray(estimate.image), SIDE)[0]]
+    photo = [] if from_text else [prepare(np.ascontiguousarray(estimate.image), SIDE)[0]]
     drawn = [renderer.render(mesh, view, margin=MARGIN) for view in (view, turned)]
     sheet = np.concatenate([over_white(image) for image in (*photo, *drawn)], 1)
     if path:

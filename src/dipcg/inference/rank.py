@@ -1,12 +1,13 @@
-"""Choosing among candidates: render each from its own estimated camera and compare with the picture.
+"""Choosing among candidates: each is rendered from its own estimated camera and compared with the picture.
 
-Agreement alone is a bad judge: with a camera that may move, a wrong shape can look right. So it weighs candidates, and
-the one is chosen that is nearest to all others by their weight: the least expected distance from the truth.
+Agreement alone does not choose well: with a camera that may move, a wrong shape can look right. So the agreements give
+each candidate a weight, and the first is the one with the least weighted distance to all others: the least expected
+distance from the truth.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -19,57 +20,62 @@ from dipcg.images import MARGIN
 from dipcg.inference.compare import SIDE, Picture
 from dipcg.mesh import Mesh
 from dipcg.metrics import surface_points
-from dipcg.pipeline import Candidate, Estimate
+from dipcg.pipeline import Candidate, Estimate, Inverter
 from dipcg.render import Renderer
-from dipcg.space import Choice, Params
+from dipcg.space import Choice, ParameterSpace, Params
 from dipcg.workers.process import BuildError
 
-SAME = 0.03  # mean difference of active reals in x, below which two candidates with the same choices are one
-GLANCES = 10  # renders in the search for a candidate's camera: without it a good one a few degrees off looks bad
-STEPS = np.array([8.0, 6.0, 0.2])  # of that search: azimuth and elevation in degrees, distance as a logarithm
-TRIES = 24  # renders in the longer search for the camera of the first
-STRANGE = 0.55  # misfit above which a picture shows nothing that the generator makes; see docs/results.md
-PRIOR = 0.1  # weight of the surprise against the agreement
-CAMERA = 0.01  # and of the square of the steps that the camera is from where the network expects it …
-FAR = 9.0  # … up to this square
-TEMPERATURE = 0.07  # of the score: what makes one candidate e times as likely as another
-POINTS = 512  # of a surface, to tell how far apart two candidates are
+# Mean difference of active reals in x below which two candidates with the same choices count as one.
+SAME = 0.03
+# Renders in the search for a candidate's camera: without it a good candidate a few degrees off would look bad.
+FEW_RENDERS = 10
+# Renders in the longer search for the camera of the first.
+MANY_RENDERS = 24
+# Steps of that search: azimuth and elevation in degrees, distance as a logarithm.
+STEPS = np.array([8.0, 6.0, 0.2])
+# Weight of the surprise against the agreement.
+SURPRISE_WEIGHT = 0.1
+# Weight of the squared distance of the camera from the expected one, in steps, and the most that this counts.
+CAMERA_WEIGHT, CAMERA_LIMIT = 0.01, 9.0
+# Of the score: the difference that makes one candidate e times as likely as another.
+TEMPERATURE = 0.07
+# Points of a surface from which the distance of two candidates is measured.
+POINTS = 512
 
 
-def rank(estimate: Estimate, report: Callable[[int], None] = lambda built: None) -> Estimate:
-    """Build the light mesh of every candidate, and order them by how far from the truth each is expected to be.
+def rank(estimate: Estimate, inverter: Inverter, report: Callable[[int], None] = lambda built: None) -> Estimate:
+    """Build the light mesh of every candidate, and order them by their expected distance from the truth.
 
-    Candidates that are nearly the same are merged; one that cannot be built goes last. `report` is told how many are
-    built. The misfit is what the highest agreement lacks of 1.
+    Candidates that are nearly the same are merged; one that cannot be built goes last. `report` is called with the
+    number of candidates that are built. The misfit is 1 minus the highest agreement.
     """
-    judge = Judge(estimate)
+    judge = Judge(estimate, inverter.generator.space)
     try:
-        meshes = estimate.inverter.pool.map([candidate.params for candidate in estimate.candidates])
+        meshes = light_meshes(inverter, [candidate.params for candidate in estimate.candidates])
         seen = []
         for number, (candidate, mesh) in enumerate(zip(estimate.candidates, meshes, strict=True), 1):
             built = not isinstance(mesh, BuildError)
-            seen.append(judge.align(judge.look(replace(candidate, mesh=mesh)), GLANCES) if built else candidate)
+            seen.append(judge.align(judge.look(replace(candidate, mesh=mesh)), FEW_RENDERS) if built else candidate)
             report(number)
         first, *others = judge.safest_first(judge.best_first(seen))
-        found = [judge.align(first), *others]
+        ordered = [judge.align(first), *others]
     finally:
         judge.close()
-    return judged(estimate, merged(estimate, found))
+    return with_candidates(estimate, merge(ordered, judge.space))
 
 
-def warning(estimate: Estimate) -> str | None:
-    """A sentence when the picture seems to show nothing that the generator makes."""
-    if estimate.misfit is None or estimate.misfit <= STRANGE:
-        return None
-    name = estimate.inverter.generator.name
-    return (
-        f"the best {name} found agrees with the picture by only {100 * (1 - estimate.misfit):.0f} %; "
-        f"perhaps it shows nothing that {name!r} can make."
-    )
+def light_meshes(inverter: Inverter, many: Iterable[Params]) -> Iterator[Mesh | BuildError]:
+    """The light meshes of several parameter sets, in order; the error of a failed one stands in its place.
+
+    A build whose worker died is tried once more, since the cause may lie outside of it.
+    """
+    for built in inverter.pool.timed(many, "light"):
+        crashed = isinstance(built.mesh, BuildError) and built.mesh.reason == "crashed"
+        yield next(inverter.pool.map([built.params])) if crashed else built.mesh
 
 
 def turned(view: View, azimuth_deg: float, elevation_deg: float, nearer: float) -> View:
-    """The camera moved by two angles and by a factor exp(-nearer) of its distance, within what can be seen from."""
+    """The camera moved by two angles and by a factor exp(-nearer) of its distance, within the range of the network."""
     elevation = min(max(view.elevation_deg + elevation_deg, -MAX_ELEVATION_DEG), MAX_ELEVATION_DEG)
     distance = min(max(view.distance * float(np.exp(-nearer)), NEAREST), FARTHEST)
     return replace(
@@ -80,40 +86,40 @@ def turned(view: View, azimuth_deg: float, elevation_deg: float, nearer: float) 
     )
 
 
-def judged(estimate: Estimate, candidates: list[Candidate]) -> Estimate:
-    """The estimate with these candidates and the misfit of the one that agrees best."""
+def with_candidates(estimate: Estimate, candidates: list[Candidate]) -> Estimate:
+    """The estimate with these candidates, and the misfit of the one that agrees best."""
     agreements = [candidate.agreement for candidate in candidates if candidate.agreement is not None]
     return replace(estimate, candidates=candidates, misfit=1 - max(agreements) if agreements else None)
 
 
 class Judge:
-    """Says how good a built candidate is: the picture's view of it, and the network's."""
+    """Scores built candidates by their agreement with the picture and by what the network expects."""
 
-    def __init__(self, estimate: Estimate) -> None:
+    def __init__(self, estimate: Estimate, space: ParameterSpace) -> None:
         if estimate.background == "words":
-            raise ValueError("What was told in words has no picture to be compared with.")
-        self.estimate, self.space = estimate, estimate.inverter.generator.space
+            raise ValueError("An estimate from words has no picture to be compared with.")
+        self.estimate, self.space = estimate, space
         self.picture = Picture(estimate.image, estimate.background)
-        self.renderer = Renderer(SIDE, samples=0)  # silhouettes are blurred anyway, and this takes half the time
-        self._middle = self.space.encode(estimate.expected.params)
+        # Without multisampling, since silhouettes are blurred anyway; this takes half the time.
+        self.renderer = Renderer(SIDE, samples=0)
+        self._expected = space.encode(estimate.expected.params)
 
     def close(self) -> None:
         """Free the renderer."""
         self.renderer.close()
 
     def agreement(self, mesh: Mesh, view: View) -> float:
-        """How well the mesh matches the picture from there, from 0 to 1."""
+        """How well the mesh seen from a camera matches the picture, from 0 to 1."""
         return self.picture.match(self.renderer.render(mesh, view, margin=MARGIN)).agreement
 
     def look(self, candidate: Candidate, *others: View) -> Candidate:
-        """The built candidate with its agreement, from its own camera or from a better one among others."""
+        """The built candidate with its agreement, from its own camera or the best of the expected one and others."""
         assert candidate.mesh is not None
         views = [candidate.view, self.estimate.expected.view, *others]
-        found = [(self.agreement(candidate.mesh, view), number) for number, view in enumerate(views)]
-        best, number = max(found)
+        best, number = max((self.agreement(candidate.mesh, view), number) for number, view in enumerate(views))
         return replace(candidate, agreement=best, view=views[number])
 
-    def align(self, candidate: Candidate, tries: int = TRIES) -> Candidate:
+    def align(self, candidate: Candidate, renders: int = MANY_RENDERS) -> Candidate:
         """The same candidate with the camera near its own that agrees best (Nelder & Mead 1965)."""
         mesh, view = candidate.mesh, candidate.view
         if mesh is None or candidate.agreement is None:
@@ -123,45 +129,45 @@ class Judge:
             lambda step: -self.agreement(mesh, turned(view, *(step * STEPS))),
             np.zeros(3),
             method="Nelder-Mead",
-            options={"maxfev": tries, "initial_simplex": corners, "xatol": 1e-2, "fatol": 1e-4},
+            options={"maxfev": renders, "initial_simplex": corners, "xatol": 1e-2, "fatol": 1e-4},
         )
         if -done.fun <= candidate.agreement:
             return candidate
         return replace(candidate, agreement=float(-done.fun), view=turned(view, *(done.x * STEPS)))
 
     def score(self, candidate: Candidate) -> float:
-        """Agreement, less how little the network would have expected the parameters and the camera."""
+        """The agreement minus the price of parameters and a camera that the network did not expect."""
         if candidate.agreement is None:
             return -np.inf
-        moved = min(apart(candidate.view, self.estimate.expected.view), FAR)
-        return candidate.agreement - PRIOR * self.surprise(candidate.params) - CAMERA * moved
+        moved = min(squared_steps(candidate.view, self.estimate.expected.view), CAMERA_LIMIT)
+        return candidate.agreement - SURPRISE_WEIGHT * self.surprise(candidate.params) - CAMERA_WEIGHT * moved
 
     def surprise(self, params: Params) -> float:
-        """Mean distance in x from the expected candidate, over active reals, and of choices 1 less their chance."""
+        """Mean over active parameters: distance in x from the expected candidate, and 1 - probability of choices."""
         active, x = self.space.active(params), self.space.encode(params)
-        apart = np.abs(x - self._middle)
+        distance = np.abs(x - self._expected)
         for i in self.space.choices:
-            parameter = self.space.parameters[i]
-            apart[i] = 1 - self.estimate.chances[parameter.name][params[parameter.name]]
-        return float(apart[active].mean()) if active.any() else 0.0
+            name = self.space.names[i]
+            distance[i] = 1 - self.estimate.probabilities[name][params[name]]
+        return float(distance[active].mean()) if active.any() else 0.0
 
     def best_first(self, candidates: list[Candidate]) -> list[Candidate]:
         """Ordered by score; those that could not be built last."""
         return sorted(candidates, key=self.score, reverse=True)
 
     def safest_first(self, candidates: list[Candidate]) -> list[Candidate]:
-        """Ordered by the expected distance from the truth, if each is the truth with a chance that its score gives."""
+        """Ordered by the expected distance from the truth; the score gives the probability that each is the truth."""
         built = [candidate for candidate in candidates if candidate.mesh is not None]
         if not built:
             return candidates
         scores = np.array([self.score(candidate) for candidate in built])
-        chances = np.exp((scores - scores.max()) / TEMPERATURE)
-        expected = distances([c.mesh for c in built if c.mesh is not None]) @ chances
+        weights = np.exp((scores - scores.max()) / TEMPERATURE)
+        expected = distances([c.mesh for c in built if c.mesh is not None]) @ weights
         return [built[i] for i in np.argsort(expected, kind="stable")] + [c for c in candidates if c.mesh is None]
 
 
-def apart(view: View, other: View) -> float:
-    """Square of how many `STEPS` two cameras are apart."""
+def squared_steps(view: View, other: View) -> float:
+    """The squared distance of two cameras, in units of `STEPS`."""
     azimuth = (view.azimuth_deg - other.azimuth_deg + 180) % 360 - 180
     nearness = np.log(view.distance / other.distance)
     return float((([azimuth, view.elevation_deg - other.elevation_deg, nearness] / STEPS) ** 2).sum())
@@ -175,20 +181,19 @@ def distances(meshes: list[Mesh]) -> Float[np.ndarray, "n n"]:
     return (one_way + one_way.T) / 2
 
 
-def merged(estimate: Estimate, candidates: list[Candidate]) -> list[Candidate]:
-    """The candidates without those that are nearly the same as an earlier one; the unbuilt stay."""
-    kept: list[Candidate] = []
+def merge(candidates: list[Candidate], space: ParameterSpace) -> list[Candidate]:
+    """The candidates without those that are nearly the same as an earlier one; the unbuilt ones stay."""
+    different: list[Candidate] = []
     for candidate in candidates:
-        if candidate.mesh is None or not any(_same(estimate, candidate, other) for other in kept):
-            kept.append(candidate)
-    return kept
+        if candidate.mesh is None or not any(_same(space, candidate, other) for other in different):
+            different.append(candidate)
+    return different
 
 
-def _same(estimate: Estimate, a: Candidate, b: Candidate) -> bool:
-    space = estimate.inverter.generator.space
+def _same(space: ParameterSpace, a: Candidate, b: Candidate) -> bool:
     if b.mesh is None or any(isinstance(p, Choice) and a.params[p.name] != b.params[p.name] for p in space):
         return False
     reals = space.active(a.params)
     reals[space.choices] = False
-    apart = np.abs(space.encode(a.params) - space.encode(b.params))[reals]
-    return not len(apart) or float(apart.mean()) < SAME
+    difference = np.abs(space.encode(a.params) - space.encode(b.params))[reals]
+    return not len(difference) or float(difference.mean()) < SAME

@@ -1,29 +1,28 @@
-"""An estimate as programs get it: the command line's `--json` and the app's endpoints say the same."""
+"""A result as plain values: what `dipcg estimate --json` prints and the endpoints of the app return."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from dipcg.pipeline import Estimate
+from dipcg.inference.estimate import Result
 
 
-def answer(found: Estimate, generators: Mapping[str, float], doubt: str | None) -> dict[str, Any]:
-    """Plain values for JSON: every candidate with its camera, and how sure each thing is.
-
-    `generators` has the chance of each that was thought of, none when it was given; `doubt` is `recognise.doubt`'s
-    sentence.
-    """
+def to_dict(result: Result) -> dict[str, Any]:
+    """The result with every candidate and its camera, ready for JSON; meshes and the picture are left out."""
+    estimate = result.estimate
+    probabilities = {name: {str(o): p for o, p in options.items()} for name, options in estimate.probabilities.items()}
     return {
-        "generator": found.inverter.generator.name,
-        "generators": dict(generators),
+        "generator": estimate.generator,
+        "generators": result.probabilities,
         "candidates": [
-            {"params": c.params, "view": asdict(c.view), "agreement": c.agreement} for c in found.candidates
+            {"params": c.params, "view": asdict(c.view), "agreement": c.agreement} for c in estimate.candidates
         ],
-        "spread": found.spread,
-        "chances": {name: {str(o): share for o, share in shares.items()} for name, shares in found.chances.items()},
-        "misfit": found.misfit,
-        "doubt": doubt,
-        "trace": [step._asdict() for step in found.trace],
+        "spread": estimate.spread,
+        "probabilities": probabilities,
+        # The name of the same values in version 0.1; it goes with version 0.3.
+        "chances": probabilities,
+        "misfit": estimate.misfit,
+        "doubt": result.doubt,
+        "trace": [step._asdict() for step in estimate.trace],
     }

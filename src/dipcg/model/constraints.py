@@ -1,69 +1,78 @@
-"""Parameters that are held while the rest is estimated: checked, and what they need of the others."""
+"""Parameters that are fixed while the rest is estimated: whether they can be, and what they need of the others."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
-import numpy as np
+import torch
 from jaxtyping import Bool, Float
+from torch import Tensor
 
 from dipcg.space import ParameterSpace, Params, Value
 
 Options = tuple[Value, ...]
 
 
-def check_kept(space: ParameterSpace, keep: Mapping[str, Any]) -> Params:
-    """The values to hold, read and checked.
+class Fixed(NamedTuple):
+    """The entries of x that are fixed: their values, which are 0 elsewhere, and the mask that says which they are."""
+
+    values: Float[Tensor, " d"]
+    mask: Bool[Tensor, " d"]
+
+
+def check_fixed(space: ParameterSpace, fixed: Mapping[str, Any]) -> Params:
+    """The fixed values, read and checked.
 
     Raises ValueError for an unknown name, a value out of range, one that would do nothing beside another, and two that
     need different options of the same choice.
     """
-    kept = {name: space.find(name)[1].check(value) for name, value in keep.items()}
-    needed(space, kept)
-    return kept
+    values = {name: space.find(name)[1].check(value) for name, value in fixed.items()}
+    needed_options(space, values)
+    return values
 
 
-def needed(space: ParameterSpace, kept: Params) -> dict[str, Options]:
-    """For each choice that is not held itself: the options under which everything held does something."""
-    left: dict[str, tuple[str, Options]] = {}
-    for name in kept:
+def needed_options(space: ParameterSpace, fixed: Params) -> dict[str, Options]:
+    """For each choice that is not fixed itself: the options under which every fixed value does something."""
+    needed: dict[str, tuple[str, Options]] = {}
+    for name in fixed:
         for choice, allowed in space.conditions(name):
-            if choice in kept:
-                _check_holds(name, choice, allowed, kept[choice])
+            if choice in fixed:
+                _check_active(name, choice, allowed, fixed[choice])
             else:
-                left[choice] = _narrowed(name, choice, allowed, left.get(choice))
-    return {choice: options for choice, (_, options) in left.items()}
+                needed[choice] = _narrow(name, choice, allowed, needed.get(choice))
+    return {choice: options for choice, (_, options) in needed.items()}
 
 
-def _check_holds(name: str, choice: str, allowed: Options, value: Value) -> None:
+def encode_fixed(space: ParameterSpace, fixed: Params, free: int) -> Fixed:
+    """The fixed entries of x with `free` more entries at its end, which are not fixed."""
+    values, mask = torch.zeros(len(space) + free), torch.zeros(len(space) + free, dtype=torch.bool)
+    for name, value in fixed.items():
+        index, parameter = space.find(name)
+        values[index], mask[index] = parameter.encode(value), True
+    return Fixed(values, mask)
+
+
+def _check_active(name: str, choice: str, allowed: Options, value: Value) -> None:
     if value not in allowed:
         raise ValueError(
             f"{name} does nothing when {choice} is {value}; hold only one of the two, or "
-            f"{choice} at {_listed(allowed)}."
+            f"{choice} at {_either(allowed)}."
         )
 
 
-def _narrowed(name: str, choice: str, allowed: Options, before: tuple[str, Options] | None) -> tuple[str, Options]:
+def _narrow(name: str, choice: str, allowed: Options, before: tuple[str, Options] | None) -> tuple[str, Options]:
+    """The options that suit this parameter and the one before, whose name stands with them for the message."""
     if before is None:
         return name, allowed
     both = tuple(option for option in before[1] if option in allowed)
     if not both:
         raise ValueError(
-            f"{before[0]} and {name} cannot both be held: {before[0]} needs {choice} to be {_listed(before[1])}, "
-            f"{name} needs {_listed(allowed)}."
+            f"{before[0]} and {name} cannot both be held: {before[0]} needs {choice} to be {_either(before[1])}, "
+            f"{name} needs {_either(allowed)}."
         )
     return name, both
 
 
-def _listed(options: Options) -> str:
+def _either(options: Options) -> str:
     return " or ".join(map(str, options))
-
-
-def encoded(space: ParameterSpace, kept: Params, more: int) -> tuple[Float[np.ndarray, " d"], Bool[np.ndarray, " d"]]:
-    """What is held as x with `more` open entries at its end, and which entries are held; the others are 0."""
-    known, given = np.zeros(len(space) + more), np.zeros(len(space) + more, dtype=bool)
-    for name, value in kept.items():
-        index, parameter = space.find(name)
-        known[index], given[index] = parameter.encode(value), True
-    return known, given

@@ -1,0 +1,104 @@
+"""Estimators of several generators, each loaded when it is first used, and the classifier that chooses among them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+
+from dipcg import registry
+from dipcg.generators import load_generator
+from dipcg.images import Cutout, Source
+from dipcg.inference.classifier import ENCODER, FILE, Classifier, load_classifier, read_classifier
+from dipcg.model.zoo import CheckpointError, Reads, find_checkpoint, shipped
+from dipcg.pipeline import Inverter
+from dipcg.space import did_you_mean
+
+
+class Inverters(Mapping[str, Inverter]):
+    """Estimators by the name of their generator; a context manager that closes them together.
+
+    `names` are generators or folders with checkpoints. Without names they are the generators that ship and can be built
+    here, or for text all that ship. No checkpoint is loaded twice; one of a folder is loaded at once, since it says
+    which generator it is for. Raises LookupError for an unknown name and zoo.CheckpointError with a sentence.
+    """
+
+    def __init__(self, names: Sequence[str] = (), workers: int = 1, reads: Reads = "pictures") -> None:
+        self._workers = workers
+        self._reads: Reads = reads
+        self._loaded: dict[Path, Inverter] = {}
+        chosen = names or (recognisable() if reads == "pictures" else shipped(reads))
+        self._refs = {ref if _is_name(ref) else self._load(ref).generator.name: ref for ref in chosen}
+
+    def __getitem__(self, name: str) -> Inverter:
+        return self._load(self._refs[name])
+
+    def __contains__(self, name: object) -> bool:
+        # Without this the mapping would load an estimator to say that it has it.
+        return name in self._refs
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._refs)
+
+    def __len__(self) -> int:
+        return len(self._refs)
+
+    def find(self, name: str) -> Inverter:
+        """The estimator of a generator; raises ValueError with the nearest name."""
+        if name not in self._refs:
+            near = did_you_mean(str(name), list(self))
+            raise ValueError(f"There is no generator {name!r} here.{near} There are: {', '.join(self)}.")
+        return self[name]
+
+    def classify(self, picture: Source | Cutout) -> dict[str, float]:
+        """The probability that a picture shows what each shipped generator makes, the likeliest first.
+
+        Empty where the classifier knows none of these generators or its encoder is missing. Raises images.ImageError.
+        """
+        if self._classifier is None:
+            return {}
+        classifier, encoder = self._classifier
+        return classifier.classify(picture, encoder)
+
+    def close(self) -> None:
+        """Stop the workers of all estimators."""
+        for inverter in self._loaded.values():
+            inverter.close()
+
+    def __enter__(self) -> Inverters:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @cached_property
+    def _classifier(self) -> tuple[Classifier, Inverter] | None:
+        if not FILE.is_file() or not self.keys() & set(read_classifier(FILE).names):
+            return None
+        try:
+            encoder = self._load(ENCODER)
+        except (LookupError, CheckpointError):
+            return None
+        classifier = load_classifier(encoder)
+        return (classifier, encoder) if classifier else None
+
+    def _load(self, ref: str) -> Inverter:
+        folder = find_checkpoint(ref, self._reads).resolve()
+        if folder not in self._loaded:
+            self._loaded[folder] = Inverter.load(str(folder), self._workers)
+        return self._loaded[folder]
+
+
+def _is_name(ref: str) -> bool:
+    return "/" not in ref and not registry.is_path(ref) and not Path(ref).is_dir()
+
+
+def recognisable() -> list[str]:
+    """The generators with a checkpoint that can be built here; raises zoo.CheckpointError when there is none."""
+    names = [name for name in shipped() if not load_generator(name).missing]
+    if not names:
+        raise CheckpointError(
+            "No generator with a trained checkpoint can be built here, so none can be recognised; "
+            "run `dipcg doctor`, or name a folder with a checkpoint with -g."
+        )
+    return names
