@@ -1,69 +1,18 @@
-"""The dandelion: compared with Infinigen's own, and the effects of its parameters."""
+"""The dandelion: the effects of its parameters; tests/contracts/test_adapters.py compares it with Infinigen's own."""
 
-import json
-import subprocess
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dipcg.generators import load_generator
 from dipcg.mesh import Mesh
-from dipcg.metrics import sample_surface
-from dipcg.metrics.chamfer import nearest
 from dipcg.workers.pool import BuildPool
 
-MODES = ("full_flower", "no_flower", "sparse_flower")
 # The number of filaments of a seed.
 FILAMENTS = 40
 DANDELION = load_generator("dandelion")
 pytestmark = [pytest.mark.blender, pytest.mark.skipif(bool(DANDELION.missing), reason="Infinigen is not installed")]
-
-# This program writes Infinigen's own dandelions. An asset does not hold the numbers that were drawn for it, so they are
-# recorded. The middle of the range replaces draws that are no parameter. The bounds of missing seeds are not compared,
-# because they have no effect in the factory.
-DIRECT = """
-import json, os, sys
-import numpy as np
-from dipcg.blender.infinigen import clean_blender, import_infinigen, middle, read_piece, replaced, silence
-from dipcg.mesh import make_mesh
-from dipcg.metrics import sample_surface
-
-module = import_infinigen("infinigen.assets.objects.grassland.dandelion")
-rng, arrays, drawn = np.random.default_rng(0), {}, []
-names = {(0.2, 0.4): "stem_map_range", (0.01, 0.024): "stem_radius", (-0.15, -0.5): "transform_scale"}
-names[0.3, 0.5] = "random_dropout"
-counts = {25: ("flower_num_core_segments", (8, 15)), 20: ("flower_num_core_rings", (8,))}
-
-def record(name, value):
-    drawn.append((name, value))
-    return value
-
-def uniform(low, high):
-    return record(names[low, high], rng.uniform(*sorted((low, high)))) if (low, high) in names else middle(low, high)
-
-def normal(mean, deviation):
-    return record("bezier", rng.normal(mean, deviation)) if deviation == 0.1 else mean
-
-def randint(low, high):
-    return record(counts[high][0], int(rng.choice(counts[high][1])))
-
-draws = replaced(module, uniform=uniform, normal=normal, randint=randint)
-curves = replaced(module.np.random, normal=lambda mean, deviation: mean)
-with draws, curves, silence():
-    for mode in sys.argv[2:]:
-        clean_blender()
-        factory = module.DandelionFactory(0)
-        factory.flower_mode_pb = [float(other == mode) for other in factory.flower_mode]
-        _, vertices, faces = read_piece("dandelion", factory.create_asset())
-        points = sample_surface(make_mesh(vertices, faces), 200_000, rng)
-        arrays |= {f"{mode}.points": points, f"{mode}.drawn": json.dumps(drawn)}
-        drawn.clear()
-np.savez(sys.argv[1], **arrays)
-os._exit(0)
-"""
 
 
 @pytest.fixture(scope="module")
@@ -71,23 +20,6 @@ def pool() -> Iterator[BuildPool]:
     with BuildPool("dandelion") as pool:
         pool.warm()
         yield pool
-
-
-def test_the_dandelion_equals_infinigens_own(pool, tmp_path: Path):
-    subprocess.run([sys.executable, "-c", DIRECT, str(tmp_path / "own.npz"), *MODES], check=True)
-    own = np.load(tmp_path / "own.npz")
-    for mode in MODES:
-        mesh = pool.build(dandelion_with(flower_mode=mode, **params_of(json.loads(str(own[f"{mode}.drawn"])))))
-        theirs, ours = own[f"{mode}.points"], sample_surface(mesh, 200_000, np.random.default_rng(0))
-        assert nearest(theirs[:5000], ours).max() < 0.01 * mesh.side, mode
-        assert nearest(ours[:5000], theirs).max() < 0.01 * mesh.side, mode
-
-
-def params_of(drawn: list) -> dict:
-    """Our parameters from the draws of the factory."""
-    places = ("bezier_middle_x", "bezier_middle_y", "bezier_end_x", "bezier_end_y")
-    bezier = [value for name, value in drawn if name == "bezier"]
-    return dict(zip(places, bezier, strict=True)) | {name: value for name, value in drawn if name != "bezier"}
 
 
 def test_a_head_without_seeds_has_no_part_of_that_name(pool):

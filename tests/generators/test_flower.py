@@ -1,50 +1,17 @@
-"""The flower: compared with Infinigen's own, and the effects of its parameters."""
+"""The flower: the effects of its parameters; tests/contracts/test_adapters.py compares it with Infinigen's own."""
 
-import json
-import subprocess
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dipcg.generators import load_generator
-from dipcg.mesh import Mesh, make_mesh
+from dipcg.mesh import Mesh
 from dipcg.metrics import chamfer, surface_points
 from dipcg.workers.pool import BuildPool
 
-# Seeds of assets within the published ranges; most others have more petals.
-SEEDS = (16, 48, 66)
 FLOWER = load_generator("flower")
 pytestmark = [pytest.mark.blender, pytest.mark.skipif(bool(FLOWER.missing), reason="Infinigen is not installed")]
-
-# This program writes Infinigen's own flowers. An asset mixes its own draw with one of its species, and only the inputs
-# of the graph show the result. The factory also turns the flower at random; the mesh is read without this turn.
-DIRECT = """
-import json, os, sys
-import numpy as np
-from dipcg.blender.infinigen import clean_blender, import_infinigen, read_piece, replaced, silence
-
-module = import_infinigen("infinigen.assets.objects.grassland.flower")
-set_inputs = module.butil.set_geomod_inputs
-arrays, params = {}, {}
-
-def record_inputs(modifier, inputs):
-    params.update({name: np.asarray(value).tolist() for name, value in inputs.items()})
-    set_inputs(modifier, inputs)
-
-for seed in map(int, sys.argv[2:]):
-    clean_blender()
-    np.random.seed(seed)
-    with silence(), replaced(module.butil, set_geomod_inputs=record_inputs):
-        asset = module.FlowerFactory(seed, rad=1.0).create_asset()
-    asset.rotation_euler.z = 0
-    _, vertices, faces = read_piece("flower", asset)
-    arrays |= {f"{seed}.vertices": vertices, f"{seed}.faces": faces, f"{seed}.params": json.dumps(params)}
-np.savez(sys.argv[1], **arrays)
-os._exit(0)
-"""
 
 
 @pytest.fixture(scope="module")
@@ -52,33 +19,6 @@ def pool() -> Iterator[BuildPool]:
     with BuildPool("flower") as pool:
         pool.warm()
         yield pool
-
-
-def test_the_flower_equals_infinigens_own(pool, tmp_path: Path):
-    subprocess.run([sys.executable, "-c", DIRECT, str(tmp_path / "own.npz"), *map(str, SEEDS)], check=True)
-    own = np.load(tmp_path / "own.npz")
-    for seed in SEEDS:
-        theirs = make_mesh(own[f"{seed}.vertices"], own[f"{seed}.faces"])
-        ours = pool.build(FLOWER.space.validate(params_of(json.loads(str(own[f"{seed}.params"])))))
-        assert len(ours.vertices) == len(theirs.vertices)
-        np.testing.assert_allclose(ours.bounds, theirs.bounds, atol=1e-4)
-        assert distance(ours, theirs) < 0.01, seed
-
-
-def params_of(own: dict) -> dict:
-    """Our parameters from the inputs of the graph."""
-    centre, (length, base, top) = own["Center Rad"], own["Petal Dims"]
-    return {
-        "overall_rad": centre + length,
-        "pct_inner": centre / (centre + length),
-        "base_width": 2 * np.pi * centre / base,
-        "top_width": top / (centre + length),
-        "min_angle": np.degrees(own["Min Petal Angle"]),
-        "max_angle": np.degrees(own["Max Petal Angle"]),
-        "seed_size": own["Seed Size"],
-        "wrinkle": own["Wrinkle"],
-        "curl": np.degrees(own["Curl"]),
-    }
 
 
 def distance(a: Mesh, b: Mesh) -> float:

@@ -1,10 +1,6 @@
-"""The table: compared with Infinigen's own, and the effects of its parameters."""
+"""The table: the effects of its parameters; tests/contracts/test_adapters.py compares it with Infinigen's own."""
 
-import json
-import subprocess
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,36 +8,11 @@ import trimesh
 
 from dipcg.blender.caps import recapped
 from dipcg.generators import load_generator
-from dipcg.mesh import Mesh, make_mesh, weld
-from dipcg.metrics import chamfer, surface_points
+from dipcg.mesh import Mesh, weld
 from dipcg.workers.pool import BuildPool
 
-# Seeds of assets within the published ranges, of each style, with and without stretchers.
-SEEDS = (0, 5, 11, 12, 15, 20)
 TABLE = load_generator("table")
 pytestmark = [pytest.mark.blender, pytest.mark.skipif(bool(TABLE.missing), reason="Infinigen is not installed")]
-
-# This program writes Infinigen's own tables. Stands get the scale of the adapter, because in Infinigen they move with
-# `top_scale`, which has no effect here.
-DIRECT = """
-import json, os, sys
-import numpy as np
-from dipcg.blender.infinigen import clean_blender, import_infinigen, read_piece, silence
-
-module = import_infinigen("infinigen.assets.objects.tables.dining_table")
-arrays = {}
-for seed in map(int, sys.argv[2:]):
-    clean_blender()
-    with silence():
-        factory = module.TableDiningFactory(seed)
-        if factory.params["Leg Style"] == "single_stand":
-            factory.params["Leg Placement Top Relative Scale"] = 0.65
-        _, vertices, faces = read_piece("table", factory.create_asset())
-    params = {name: value for name, value in factory.params.items() if not name.endswith("Material")}
-    arrays |= {f"{seed}.vertices": vertices, f"{seed}.faces": faces, f"{seed}.params": json.dumps(params, default=int)}
-np.savez(sys.argv[1], **arrays)
-os._exit(0)
-"""
 
 
 @pytest.fixture(scope="module")
@@ -49,54 +20,6 @@ def pool() -> Iterator[BuildPool]:
     with BuildPool("table") as pool:
         pool.warm()
         yield pool
-
-
-def test_the_table_equals_infinigens_own(pool, tmp_path: Path):
-    subprocess.run([sys.executable, "-c", DIRECT, str(tmp_path / "own.npz"), *map(str, SEEDS)], check=True)
-    own = np.load(tmp_path / "own.npz")
-    for seed in SEEDS:
-        theirs = make_mesh(own[f"{seed}.vertices"], own[f"{seed}.faces"])
-        ours = pool.build(TABLE.space.validate(params_of(json.loads(str(own[f"{seed}.params"])))))
-        assert distance(ours, theirs) < 0.01, seed
-        np.testing.assert_allclose(ours.bounds, theirs.bounds, atol=0.001)
-
-
-def params_of(own: dict) -> dict:
-    """Our parameters from those of the factory."""
-    style, x = own["Leg Style"], own["Top Profile Width"] / 1.414
-    ends = [width for _, width in own["Leg Curve Control Points"] or ()]
-    curve = {
-        "single_stand": lambda: [(ends[0] - 0.1) / 0.8, (ends[1] - 0.1) / 0.8, (ends[2] - 0.2) / 0.8],
-        "straight": lambda: [0.5, (ends[1] - 0.5) / 0.5, (ends[2] - 0.3) / 0.5],
-        "square": lambda: [0.5, 0.5, 0.5],
-    }[style]()
-    diameter = own["Leg Diameter"]
-    stands = style == "single_stand"
-    return {
-        "ngon": own["Top Profile N-gon"],
-        "dimension_x": x,
-        "dimension_y": x * own["Top Profile Aspect Ratio"],
-        "dimension_z": own["Height"],
-        "leg_style": style.replace("_", "-"),
-        "leg_number": own["Leg Number"],
-        "leg_ngon": own["Leg NGon"],
-        "leg_diameter": (diameter / x - 0.2) / 0.2 if stands else (diameter - 0.05) / 0.2,
-        "leg_height": own["Leg Height"],
-        **{f"leg_curve_ctrl_pts{i}": value for i, value in enumerate(curve)},
-        "top_scale": own["Leg Placement Top Relative Scale"],
-        "bottom_scale": own["Leg Placement Bottom Relative Scale"],
-        "top_thickness": own["Top Thickness"],
-        "top_profile_fillet_ratio": own["Top Profile Fillet Ratio"],
-        "top_vertical_fillet_ratio": own["Top Vertical Fillet Ratio"],
-        "strecher_relative_pos": own["Strecher Relative Pos"],
-        "strecher_increament": own["Strecher Increament"],
-    }
-
-
-def distance(a: Mesh, b: Mesh) -> float:
-    """The chamfer distance of the surfaces, minus that of two samples of the same surface."""
-    points = [surface_points(mesh, 8000, np.random.default_rng(i)) for i, mesh in enumerate((a, b, a))]
-    return chamfer.measure(points[0], points[1]) - chamfer.measure(points[0], points[2])
 
 
 @pytest.mark.parametrize(

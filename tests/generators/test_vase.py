@@ -1,43 +1,15 @@
-"""The vase: compared with Infinigen's own, and the effects of its parameters."""
+"""The vase: the effects of its parameters; tests/contracts/test_adapters.py compares it with Infinigen's own."""
 
-import json
-import subprocess
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dipcg.generators import load_generator
-from dipcg.mesh import make_mesh
 from dipcg.workers.pool import BuildPool
 
-# Seeds of assets within the published ranges, smooth and fluted.
-SEEDS = (3, 12, 15)
 VASE = load_generator("vase")
 pytestmark = [pytest.mark.blender, pytest.mark.skipif(bool(VASE.missing), reason="Infinigen is not installed")]
-
-# This program writes Infinigen's own vases. The factory draws the size before it sets its own seed, so the program sets
-# a seed before.
-DIRECT = """
-import json, os, sys
-import numpy as np
-from dipcg.blender.infinigen import clean_blender, import_infinigen, read_piece, silence
-
-module = import_infinigen("infinigen.assets.objects.table_decorations.vase")
-arrays = {}
-for seed in map(int, sys.argv[2:]):
-    clean_blender()
-    np.random.seed(seed)
-    with silence():
-        factory = module.VaseFactory(seed)
-        _, vertices, faces = read_piece("vase", factory.create_asset())
-    params = {name: value for name, value in factory.params.items() if name != "Material"}
-    arrays |= {f"{seed}.vertices": vertices, f"{seed}.faces": faces, f"{seed}.params": json.dumps(params, default=int)}
-np.savez(sys.argv[1], **arrays)
-os._exit(0)
-"""
 
 
 @pytest.fixture(scope="module")
@@ -45,36 +17,6 @@ def pool() -> Iterator[BuildPool]:
     with BuildPool("vase") as pool:
         pool.warm()
         yield pool
-
-
-def test_the_vase_equals_infinigens_own(pool, tmp_path: Path):
-    subprocess.run([sys.executable, "-c", DIRECT, str(tmp_path / "own.npz"), *map(str, SEEDS)], check=True)
-    own = np.load(tmp_path / "own.npz")
-    for seed in SEEDS:
-        theirs = make_mesh(own[f"{seed}.vertices"], own[f"{seed}.faces"])
-        ours = pool.build(VASE.space.validate(params_of(json.loads(str(own[f"{seed}.params"])))))
-        turned_back = np.stack([-ours.vertices[:, 1], ours.vertices[:, 0], ours.vertices[:, 2]], axis=1)
-        np.testing.assert_allclose(turned_back, theirs.vertices, atol=1e-5)
-        np.testing.assert_array_equal(ours.faces, theirs.faces)
-
-
-def params_of(own: dict) -> dict:
-    """Our parameters from those of the factory."""
-    neck = own["Neck Scale"]
-    return {
-        "dimension_x": own["Diameter"],
-        "dimension_z": own["Height"],
-        "neck_scale": neck,
-        "profile_inner_radius": own["Profile Inner Radius"],
-        "profile_star_points": own["Profile Star Points"],
-        "top_scale": own["Top Scale"] / neck,
-        "neck_mid_position": own["Neck Mid Position"],
-        "neck_position": own["Neck Position"] - 0.5 * neck - 0.5,
-        "shoulder_position": own["Shoulder Position"],
-        "shoulder_thickness": own["Shoulder Thickness"],
-        "foot_scale": own["Foot Scale"],
-        "foot_height": own["Foot Height"],
-    }
 
 
 @pytest.mark.parametrize("detail", ["full", "light"])
