@@ -61,12 +61,12 @@ def main() -> None:
     print(f"\nFigure: {FIGURE}")
 
 
-def measured(checkpoint: str, data: str, split: str, widen: float | None = None) -> Found:
+def measured(checkpoint: str, data: str, split: str, scale: float | None = None) -> Found:
     """Where the truth lies among the samples of all pictures; scaled as the card says unless a scale is given."""
     found, rng = Found(), np.random.default_rng(0)
     with Inverter.load(checkpoint) as inverter:
         config = inverter.model.config
-        inverter.model.config = replace(config, widen=config.widen if widen is None else widen)
+        inverter.model.config = replace(config, calibration_scale=config.calibration_scale if scale is None else scale)
         for case in split_cases(data, COUNT, split=split):
             add(found, case, inverter.estimate(case.image, 1 + SAMPLES), inverter.generator.space, rng)
     return found
@@ -77,9 +77,9 @@ def fit(checkpoint: str, data: str) -> None:
     found, path = measured(checkpoint, data, "validation", 1.0), find_checkpoint(checkpoint) / CARD
     off = [sum(abs(coverage(found, level, factor) - level) for level in LEVELS) for factor in FACTORS]
     card = json.loads(path.read_text())
-    card["model"]["widen"] = round(float(FACTORS[np.argmin(off)]), 2)
+    card["model"]["calibration_scale"] = round(float(FACTORS[np.argmin(off)]), 2)
     path.write_text(json.dumps(card, indent=1))
-    print(f"The calibration scale of the samples is {card['model']['widen']:g}.\n")
+    print(f"The calibration scale of the samples is {card['model']['calibration_scale']:g}.\n")
 
 
 def add(found: Found, case: Case, estimate: Estimate, space: ParameterSpace, rng: np.random.Generator) -> None:

@@ -54,8 +54,8 @@ class ModelConfig:
     """flow: the clean end is predicted, from a first guess; ddpm: the noise is, as in the paper"""
     steps: int = 10
     """of the sampler, where no other number is asked for (the paper's 250)"""
-    widen: float = 1.0
-    """how many times farther from the expectation samples are put than drawn; benchmarks.calibration fits it"""
+    calibration_scale: float = 1.0
+    """factor by which samples are moved away from their expectation; `python -m benchmarks calibration` fits it"""
 
     @property
     def expecting_steps(self) -> int:

@@ -24,7 +24,6 @@ from dipcg.model.checkpoint import load_checkpoint
 from dipcg.model.constraints import Fixed, check_fixed, encode_fixed, needed_options
 from dipcg.model.denoiser import Condition, Prediction
 from dipcg.model.estimators import AnyEstimator
-from dipcg.model.sampling import sample
 from dipcg.model.uncertainty import calibrated, central_first, spread
 from dipcg.model.zoo import find_checkpoint
 from dipcg.space import Choice, Params, Value
@@ -263,13 +262,13 @@ class Inverter:
             return np.empty((0, noise.shape[1]))
         samples = self._modes(self._sample(condition, noise, steps, fixed), fixed)
         free = ~(self.model.outputs.is_choice | fixed.mask).numpy()
-        return calibrated(samples, self._modes(mean, fixed)[0], self.model.config.widen, free)
+        return calibrated(samples, self._modes(mean, fixed)[0], self.model.config.calibration_scale, free)
 
     def _sample(self, condition: Condition, noise: Tensor, steps: int, fixed: Fixed) -> Prediction:
         views, count = len(condition.summary), len(noise)
         values, mask = (part.repeat(views * count, 1) for part in fixed)
         noise, every = noise.repeat(views, 1), condition.repeat(count)
-        drawn = sample(self.model, every, noise, steps, known=values, given=mask, views=views)
+        drawn = self.model.sample(every, noise, steps, values, mask, views)
         return Prediction(drawn.mean[:count], drawn.logits[:count])
 
     def _modes(self, prediction: Prediction, fixed: Fixed) -> Float[np.ndarray, "k d"]:

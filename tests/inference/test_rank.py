@@ -208,7 +208,7 @@ def test_samples_are_scaled_about_the_expected_candidate_and_nothing_else_moves(
         torch.nn.init.normal_(inverter.model.denoiser.read, std=0.03)  # zero at first: every sample would be the guess
         estimate = partial(inverter.estimate, image, candidates=12, steps=3, fixed={"width": 0.5, "has_legs": True})
         narrow = estimate()
-        inverter.model.config = replace(inverter.model.config, widen=1.5)
+        inverter.model.config = replace(inverter.model.config, calibration_scale=1.5)
         wide = estimate()
     assert (wide.params, wide.probabilities) == (narrow.params, narrow.probabilities)
     assert wide.spread["depth"] == pytest.approx(1.5 * narrow.spread["depth"], rel=0.1)

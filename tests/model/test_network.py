@@ -190,7 +190,7 @@ def test_the_network_gets_fixed_entries_at_their_values_in_every_step(model, fea
     model.denoiser.register_forward_pre_hook(lambda _, args: calls.append(args))
     size = dimension(SPACES["box"])
     known, given = torch.rand(2, size), torch.rand(2, size) < 0.4
-    sample(model, model.condition(features), torch.randn(2, size), 4, sampler, known, given)
+    sample(model.denoiser, model.condition(features), torch.randn(2, size), 4, known, given, sampler=sampler)
     assert len(calls) >= 4
     for x, _, fixed_mask, _ in calls:
         assert torch.equal(x[given], known[given])
@@ -202,8 +202,7 @@ def test_fixed_values_change_the_other_entries(model, features):
     size = dimension(SPACES["box"])
     noise, given = torch.randn(2, size), torch.arange(size).expand(2, size) < 3
     low, high = (
-        sample(model, model.condition(features), noise, 4, known=torch.full((2, size), v), given=given).mean
-        for v in (-1.0, 1.0)
+        model.sample(model.condition(features), noise, 4, torch.full((2, size), v), given).mean for v in (-1.0, 1.0)
     )
     assert (low - high).abs()[:, 3:].max() > 1e-3
 
@@ -211,17 +210,17 @@ def test_fixed_values_change_the_other_entries(model, features):
 @torch.no_grad()
 def test_candidates_in_one_batch_equal_candidates_one_by_one(model, features):
     noise = torch.randn(6, dimension(SPACES["box"]))
-    together = sample(model, model.condition(features).repeat(3), noise, 5)
+    together = model.sample(model.condition(features).repeat(3), noise, 5)
     for i in range(6):
         alone = model.condition(Features(*(part[i // 3 : i // 3 + 1] for part in features)))
-        single = sample(model, alone, noise[i : i + 1], 5)
+        single = model.sample(alone, noise[i : i + 1], 5)
         torch.testing.assert_close(single.mean[0], together.mean[i], rtol=0, atol=1e-4)
         torch.testing.assert_close(single.logits[0], together.logits[i], rtol=0, atol=1e-3)
 
 
 @torch.no_grad()
 def test_another_picture_gives_another_prediction(model, features):
-    prediction = sample(model, model.condition(features), torch.randn(1, dimension(SPACES["box"])).expand(2, -1), 4)
+    prediction = model.sample(model.condition(features), torch.randn(1, dimension(SPACES["box"])).expand(2, -1), 4)
     assert (prediction.mean[0] - prediction.mean[1]).abs().max() > 1e-3
 
 

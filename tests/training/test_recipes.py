@@ -15,7 +15,6 @@ from dipcg.encoders import build_encoder
 from dipcg.generators import load_generator
 from dipcg.model.dit import DiT
 from dipcg.model.estimators import UNSEEN_VIEW, PaperEstimator, build_estimator
-from dipcg.model.sampling import sample
 from dipcg.pipeline import Inverter
 from dipcg.training.pictures import Batch
 from dipcg.training.recipes import RECIPES, find_recipe, published_views
@@ -73,7 +72,7 @@ def test_samples_of_the_paper_model_are_in_range_and_have_fixed_values(model):
     size = len(BOX.space) + VIEW_NUMBERS
     known, given = torch.rand(3, size) * 2 - 1, torch.rand(3, size) < 0.5
     given[:, -VIEW_NUMBERS:] = False
-    prediction = sample(model, condition_of(model, 3), torch.randn(3, size), 20, known=known, given=given)
+    prediction = model.sample(condition_of(model, 3), torch.randn(3, size), 20, known, given)
     torch.testing.assert_close(prediction.mean[given], known[given], rtol=0, atol=1e-3)
     assert prediction.mean[:, :-VIEW_NUMBERS].abs().max() <= 1
     np.testing.assert_allclose(prediction.mean[:, -VIEW_NUMBERS:], np.tile(encode_view(UNSEEN_VIEW), (3, 1)), atol=1e-6)
@@ -83,7 +82,7 @@ def test_samples_of_the_paper_model_are_in_range_and_have_fixed_values(model):
 def test_the_sample_is_a_function_of_the_noise(model):
     condition, size = condition_of(model, 1), len(BOX.space) + VIEW_NUMBERS
     first, second = torch.randn(1, size), torch.randn(1, size)
-    draws = [sample(model, condition, noise, 10).mean for noise in (first, first, second)]
+    draws = [model.sample(condition, noise, 10).mean for noise in (first, first, second)]
     assert torch.equal(draws[0], draws[1])
     assert not torch.equal(draws[0], draws[2])
 

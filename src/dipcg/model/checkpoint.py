@@ -18,6 +18,9 @@ from dipcg.model.estimators import AnyEstimator, build_estimator
 from dipcg.model.zoo import CARD, WEIGHTS, CheckpointError
 from dipcg.space import ParameterSpace
 
+# Settings that had another name in the cards of version 0.1.0.
+RENAMED = {"widen": "calibration_scale"}
+
 
 def save_checkpoint(folder: str | Path, model: AnyEstimator, generator: Generator, about: dict[str, Any]) -> None:
     """Write the weights of an estimator in half precision, and a card.
@@ -56,7 +59,7 @@ def load_checkpoint(folder: str | Path) -> tuple[AnyEstimator, Generator, dict[s
     card = _read_card(folder)
     generator = load_generator(card["ref"])
     _check_space(generator.space, card, folder)
-    model = build_estimator(generator.space, ModelConfig(**card["model"]))
+    model = build_estimator(generator.space, _model_config(card["model"]))
     _load_weights(model, folder / WEIGHTS)
     return model.eval(), generator, card
 
@@ -78,6 +81,11 @@ def load_matching(model: AnyEstimator, folder: str | Path) -> int:
     fitting = {k: weights[k] for k, v in model.state_dict().items() if k in weights and weights[k].shape == v.shape}
     model.load_state_dict(fitting, strict=False)
     return int(card.get("pictures", 0)) + int(card.get("started_from", {}).get("pictures", 0))
+
+
+def _model_config(settings: dict[str, Any]) -> ModelConfig:
+    """The configuration of a card, also of one that was written by version 0.1.0."""
+    return ModelConfig(**{RENAMED.get(key, key): value for key, value in settings.items()})
 
 
 def _read_card(folder: Path) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from dipcg.camera import VIEW_NUMBERS, View, encode_view
 from dipcg.config import ModelConfig, TrainConfig
 from dipcg.encoders import Features, build_encoder
-from dipcg.model import ddpm, flow
+from dipcg.model import ddpm, flow, sampling
 from dipcg.model.denoiser import Condition, Denoiser, Outputs, Prediction
 from dipcg.model.dit import DiT
 from dipcg.space import ParameterSpace
@@ -41,6 +41,18 @@ class Estimator(nn.Module):
     def condition(self, features: Features) -> Condition:
         """What the denoiser attends to; the guess is not trained through it."""
         return self.denoiser.condition(features, self.guess(features.summary).detach())
+
+    def sample(
+        self,
+        condition: Condition,
+        noise: Float[Tensor, "b d"],
+        steps: int,
+        fixed: Float[Tensor, "b d"] | None = None,
+        fixed_mask: Bool[Tensor, "b d"] | None = None,
+        views: int = 1,
+    ) -> Prediction:
+        """One draw for each row of noise; see `sampling.sample`."""
+        return sampling.sample(self.denoiser, condition, noise, steps, *_or_nothing(noise, fixed, fixed_mask), views)
 
     def guess_loss(self, features: Features, x: Float[Tensor, "b d"], active: Bool[Tensor, "b p"]) -> Float[Tensor, ""]:
         """The loss of the direct regression from the picture's summary."""
@@ -97,16 +109,20 @@ class PaperEstimator(nn.Module):
         condition: Condition,
         noise: Float[Tensor, "b d"],
         steps: int,
-        known: Float[Tensor, "b d"],
-        given: Bool[Tensor, "b d"],
+        fixed: Float[Tensor, "b d"] | None = None,
+        fixed_mask: Bool[Tensor, "b d"] | None = None,
+        views: int = 1,
     ) -> Prediction:
-        """One draw for each row of noise; `given` entries are led to their values, as noisy as the rest on the way."""
+        """One draw for each row of noise; fixed entries are led to their values, as noisy as the rest on the way.
+
+        Several views are drawn each for itself.
+        """
         every, numbers = ddpm.schedule().to(noise), len(self.denoiser.position)
-        known, given = known[:, :numbers], given[:, :numbers]
+        fixed, fixed_mask = (part[:, :numbers] for part in _or_nothing(noise, fixed, fixed_mask))
 
         def predict(x: Tensor, t: Tensor) -> tuple[Tensor, Tensor]:
-            found, where = self.denoiser(x, t, condition.keys_values)
-            return torch.where(given, ddpm.noise_from_clean(x, known, every.at(t)), found), where
+            predicted, variance = self.denoiser(x, t, condition.keys_values)
+            return torch.where(fixed_mask, ddpm.noise_from_clean(x, fixed, every.at(t)), predicted), variance
 
         return self.prediction(ddpm.sample(predict, noise[:, :numbers], steps, _follows_from(noise)))
 
@@ -131,6 +147,14 @@ AnyEstimator = Estimator | PaperEstimator
 def build_estimator(space: ParameterSpace, config: ModelConfig) -> AnyEstimator:
     """A network of the configured objective for one parameter space, untrained."""
     return (PaperEstimator if config.objective == "ddpm" else Estimator)(space, config)
+
+
+def _or_nothing(
+    noise: Float[Tensor, "b d"], fixed: Float[Tensor, "b d"] | None, fixed_mask: Bool[Tensor, "b d"] | None
+) -> tuple[Float[Tensor, "b d"], Bool[Tensor, "b d"]]:
+    """Fixed values and their mask, with nothing fixed where there are none."""
+    fixed_mask = torch.zeros_like(noise, dtype=torch.bool) if fixed_mask is None else fixed_mask
+    return torch.zeros_like(noise) if fixed is None else fixed, fixed_mask
 
 
 def _follows_from(noise: Tensor) -> torch.Generator:

@@ -13,8 +13,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from dipcg.camera import VIEW_NUMBERS
-from dipcg.model.denoiser import Condition, Outputs, Prediction
-from dipcg.model.estimators import AnyEstimator, PaperEstimator
+from dipcg.model.denoiser import Condition, Denoiser, Outputs, Prediction
 
 Predict = Callable[[Tensor, Tensor], Tensor]
 
@@ -41,32 +40,27 @@ SAMPLERS = {"euler": euler, "heun": heun}
 
 
 def sample(
-    model: AnyEstimator,
+    denoiser: Denoiser,
     condition: Condition,
     noise: Float[Tensor, "b d"],
-    steps: int = 10,
-    sampler: str = "euler",
-    known: Float[Tensor, "b d"] | None = None,
-    given: Bool[Tensor, "b d"] | None = None,
+    steps: int,
+    fixed: Float[Tensor, "b d"],
+    fixed_mask: Bool[Tensor, "b d"],
     views: int = 1,
+    sampler: str = "euler",
 ) -> Prediction:
-    """Draw from the model: one clean `x` for each row of noise, the entries `given` held at `known`.
+    """Draw one clean `x` for each row of noise; the entries under `fixed_mask` have their `fixed` values throughout.
 
     With several `views` of one object the rows are of the first picture, then of the second and so on: their parameters
     start alike and stay alike, since each step goes to what all pictures together expect; each has its own camera.
 
     The last prediction is returned whole, so that a choice can be read from its category and not from an average.
-    The paper's model has its own sampler and takes no other.
     """
-    given = torch.zeros_like(noise, dtype=torch.bool) if given is None else given
-    known = torch.zeros_like(noise) if known is None else known
-    if isinstance(model, PaperEstimator):
-        return model.sample(condition, noise, steps, known, given)
     last: list[Prediction] = []
 
     def predict(x: Tensor, t: Tensor) -> Tensor:
-        prediction = model.denoiser(torch.where(given, known, x), t.expand(len(x)), given, condition)
-        prediction = agreed(model.outputs, prediction, views) if views > 1 else prediction
+        prediction = denoiser(torch.where(fixed_mask, fixed, x), t.expand(len(x)), fixed_mask, condition)
+        prediction = agreed(denoiser.outputs, prediction, views) if views > 1 else prediction
         last[:] = [prediction]
         return prediction.mean
 

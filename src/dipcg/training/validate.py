@@ -12,7 +12,6 @@ from dipcg.camera import VIEW_NUMBERS
 from dipcg.config import TrainConfig
 from dipcg.encoders import Features
 from dipcg.model.estimators import AnyEstimator
-from dipcg.model.sampling import sample
 from dipcg.training.pictures import Batch
 
 # The most steps of the sampler: the paper's model takes 250 for an estimate, which a validation cannot wait for.
@@ -57,7 +56,7 @@ def validate(model: AnyEstimator, batch: Batch, denoiser: bool = True, seed: int
 def _sampled(model: AnyEstimator, features: Features, batch: Batch, seed: int) -> tuple[float, float]:
     noise = torch.randn(batch.x.shape, generator=torch.Generator().manual_seed(seed)).to(batch.x)
     steps = min(model.config.steps, MOST_STEPS)
-    return _errors(model, model.outputs.modes(sample(model, model.condition(features), noise, steps)), batch)
+    return _errors(model, model.outputs.modes(model.sample(model.condition(features), noise, steps)), batch)
 
 
 def _denoising_loss(model: AnyEstimator, features: Features, batch: Batch, seed: int) -> float:
