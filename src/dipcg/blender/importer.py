@@ -71,7 +71,8 @@ def read_inputs(blend: Path, name: str = "") -> dict[str, Any]:
     try:
         with folder:
             done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, env=environment)
-        answer = json.loads(done.stdout)
+        # Blender may print lines of its own before the answer, which is the last one.
+        answer = json.loads(done.stdout.strip().rpartition("\n")[2])
     except subprocess.TimeoutExpired:
         raise ValueError(f"Blender took longer than {TIMEOUT_S:g} s over {blend} and was stopped.") from None
     except ValueError:
