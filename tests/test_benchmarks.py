@@ -22,5 +22,5 @@ def test_listing_names_each_with_its_time_and_runs_nothing(words, capsys, monkey
 
 
 def test_an_unknown_name_lists_the_known_ones():
-    with pytest.raises(SystemExit, match="no benchmark 'sped'. There are: ablation"):
+    with pytest.raises(SystemExit, match=r"no benchmark 'sped'\. There are: ablation"):
         benchmarks.main("sped")

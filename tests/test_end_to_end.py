@@ -75,7 +75,7 @@ def pictures(data, tmp_path_factory) -> list[Path]:
 @pytest.fixture(scope="module")
 def trained(data, tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("runs")
-    dials = ["--minutes", "0.1", "--denoiser-share", "0.5", "--depth", "1", "--batch", "16"]
+    dials = ["--pictures", "1500", "--image-size", "64", "--denoiser-share", "0.5", "--depth", "1", "--batch", "16"]
     assert f"-g {folder / 'box'}" in succeed("train", "box", "--data", data, "-o", folder, *dials)
     return folder / "box"
 

@@ -2,8 +2,8 @@
 
 `estimate.py` is the one workflow that the command line, the app and the HTTP API call: recognise the generator,
 estimate, rank or search on, and report a picture that is out of distribution. A picture is cut out once, and
-`inverters.py` loads each network once, when it is first used. An `Estimate` is plain data, so it can be stored and sent;
-ranking and searching take the inverter, which builds the meshes.
+`inverters.py` loads each network once, when it is first used. An `Estimate` is plain data, so it can be stored and
+sent; ranking and searching take the inverter, which builds the meshes.
 
 Agreement is a number from 0 to 1 that compares a render of a candidate with the picture: the mean of the overlap of
 the silhouettes and of the nearness of the lines, or the lines alone where a silhouette cannot be trusted. Misfit is
