@@ -1,6 +1,10 @@
 """Settings of all tests, and what several files need."""
 
+import os
 from pathlib import Path
+
+# The suite runs in several processes, and threads that share a processor wait for each other. Children inherit this.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
