@@ -19,11 +19,15 @@ def main() -> None:
         )
     with Inverter.load("chair", workers=2) as inverter:
         if data:
-            found = evaluate(inverter, split_cases(data, COUNT), Plan(random_shapes=stored_shapes(data, RANDOM)))
+            found = evaluate(
+                inverter, split_cases(data, COUNT), Plan(metrics=["all"], random_shapes=stored_shapes(data, RANDOM))
+            )
             print(f"Test split, {COUNT} shapes:\n\n{table(found)}\n\n{differences(found)}")
         if pairs:
             shapes = built_shapes(inverter.pool, RANDOM)
-            found = evaluate(inverter, pair_cases(pairs, "chair"), Plan(quarter_turns=True, random_shapes=shapes))
+            found = evaluate(
+                inverter, pair_cases(pairs, "chair"), Plan(metrics=["all"], quarter_turns=True, random_shapes=shapes)
+            )
             print(f"\nPairs, at the best of four quarter turns:\n\n{table(found)}\n\n{differences(found)}")
 
 

@@ -109,7 +109,7 @@ def test_the_command_writes_pictures_and_measures_what_was_made_of_them(data, tm
     out = io.StringIO()
     with redirect_stdout(out):
         main([*words, "--meshes", str(tmp_path / "tool"), "--metric", "chamfer", "--json", str(tmp_path / "t.json")])
-    assert "| tool | 0.0" in out.getvalue()
+    assert "| tool | 2 | 0.0" in out.getvalue()
     assert "| 2 |" in out.getvalue().splitlines()[-1]
     found = json.loads((tmp_path / "t.json").read_text())
     assert found["accuracy"]["tool"]["chamfer"][0] < 0.03

@@ -54,12 +54,13 @@ def estimate(
         views: all pictures show one object, each from its own side; the first one's camera is estimated
         generator: what they show, or a folder with a checkpoint, or a generator's file whose checkpoint is in runs/;
             when left out, it is recognised among those that ship
-        candidates: how many to choose from: the expected one, and samples
-        steps: of the sampler; as many as the checkpoint was made for when left out
+        candidates: number of candidates: the expected one, and samples
+        steps: steps of the sampler; by default as many as the checkpoint was made for
         seed: random seed of the samples
-        keep: parameters to hold, as name=value; the rest is estimated around them
-        rank: build all candidates and take the one that matches the picture best, instead of the expected one
-        refine: seconds to search on from the best candidate
+        keep: fixed parameters, as name=value; the rest is estimated around them
+        rank: with --no-rank the estimate is the expected candidate, and no other candidate is built; without it all are
+            built and compared with the picture, and the one that is likeliest near the truth is taken
+        refine: seconds of search from the best candidate
         preview: PNG file for the photo beside the result
     """
     if refine is not None and not refine > 0:

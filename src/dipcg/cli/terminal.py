@@ -45,12 +45,14 @@ def error_text(error: Exception) -> str:
 
 
 def table(found: Table) -> str:
-    """A Markdown table of means with 95 % intervals, one row per method."""
-    names = [metric.name for metric in found.metrics]
-    lines = ["| | " + " | ".join(names) + " | failed builds |", "|---" * (len(names) + 2) + "|"]
+    """A Markdown table of means with 95 % intervals, one row per method; n is the number of pictures."""
+    measured = {name for values in found.values.values() for name in values}
+    names = [metric.name for metric in found.metrics if metric.name in measured]
+    lines = ["| | n | " + " | ".join(names) + " | failed builds |", "|---" * (len(names) + 3) + "|"]
     for row, values in found.values.items():
         cells = [_cell(found, row, name) if name in values else "" for name in names]
-        lines.append(f"| {row} | " + " | ".join(cells) + f" | {found.failures[row]} |")
+        count = max(map(len, values.values()), default=0)
+        lines.append(f"| {row} | {count} | " + " | ".join(cells) + f" | {found.failures[row]} |")
     return "\n".join(lines)
 
 

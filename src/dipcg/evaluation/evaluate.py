@@ -34,6 +34,8 @@ from dipcg.workers.process import BuildError
 PICTURE = 256
 # Points by which the candidate nearest to the truth is found.
 CHOSEN_BY = 2500
+# The metrics of a table when none is named. EMD takes seconds for each shape.
+USUAL_METRICS = ("chamfer", "fscore", "choice_accuracy")
 Sampler = Callable[[int, np.random.Generator], np.ndarray]
 
 
@@ -95,13 +97,21 @@ class Plan:
     quarter_turns: bool = False
     """compare at the best of four turns about Z, for data with unknown fronts"""
     metrics: Sequence[str] = ()
-    """their names; all when empty"""
+    """names of metrics, or "all"; CD, F at 0.02 and the choices that are right when empty"""
     ranked: bool = False
     """build all candidates, and measure the one that ranking puts first and the one nearest to the truth too"""
     refine_s: float = 0.0
     """measure what so many seconds of search make of the first as well"""
     random_shapes: Sequence[Shape] = ()
     """of which the one nearest to the truth is a row: what a search without a network would find that knew it"""
+
+
+def columns(names: Sequence[str]) -> list[Metric]:
+    """The columns of a table: those of the named metrics with their variants, of "all", or the usual three."""
+    if not names:
+        return [load_metric(name).columns[0] for name in USUAL_METRICS]
+    every = registry.names("metrics") if list(names) == ["all"] else names
+    return [column for name in every for column in load_metric(name).columns]
 
 
 def evaluate(
@@ -115,8 +125,7 @@ def evaluate(
     The noise floor (the truth, other points of it); a random shape; the mean of the prior, which is the same shape for
     every picture; the nearest of some random shapes; the direct guess; the most central sample; and the estimate.
     """
-    names = plan.metrics or registry.names("metrics")
-    table = Table([column for name in names for column in load_metric(name).columns])
+    table = Table(columns(plan.metrics))
     mean = _built(inverter, "mean of the prior", middle(inverter.generator.space))
     for number, case in enumerate(cases):
         if case.mesh is not None:

@@ -17,13 +17,12 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import KDTree
 
-from dipcg import registry
-from dipcg.evaluation.evaluate import Case
+from dipcg.evaluation.evaluate import Case, columns
 from dipcg.evaluation.tables import Table
 from dipcg.evaluation.topology import Topology, quads_in, topology
 from dipcg.images import load_image, save_image
 from dipcg.mesh import Mesh, MeshError, make_mesh
-from dipcg.metrics import Metric, Points, load_metric, normalise, surface_points
+from dipcg.metrics import Metric, Points, normalise, surface_points
 from dipcg.metrics.chamfer import measure as chamfer
 
 FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
@@ -69,8 +68,7 @@ def measure_meshes(
     A case without a mesh, or with one that cannot be read, has the worst values, like a failed build. Raises ValueError
     when no case has one.
     """
-    wanted = [column for name in metrics or registry.names("metrics") for column in load_metric(name).columns]
-    table = Table([metric for metric in wanted if metric.compares == "points"])
+    table = Table([metric for metric in columns(metrics or ()) if metric.compares == "points"])
     shapes: dict[str, Topology] = {}
     quads: dict[str, float] = {}
     for number, case in enumerate(cases):
