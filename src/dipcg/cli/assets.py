@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import Positional, UseAppendAction, arg
+from tyro.conf import OmitArgPrefixes, Positional, UseAppendAction, arg
 
 if TYPE_CHECKING:
     from dipcg.export.asset import Asset
@@ -26,7 +26,7 @@ Settings = Annotated[tuple[tuple[str, ...], ...], UseAppendAction, arg(metavar="
 
 @dataclass(frozen=True)
 class Written:
-    """What a command writes."""
+    """The files to write."""
 
     output: Output
     """mesh to write: .glb, .gltf, .obj, .ply, .stl, .usdz, .usda, .usdc or .blend"""
@@ -39,7 +39,7 @@ class Written:
     texture: Annotated[int | None, arg(metavar="PIXELS")] = None
     """bake Infinigen's materials to maps of so many pixels along a side, for glTF and USD"""
     material_seed: int = 0
-    """of the materials, in maps and in .blend files"""
+    """random seed of the materials in maps and in .blend files"""
     json: bool = False
     """print what was made as JSON"""
 
@@ -66,7 +66,7 @@ class Written:
         return asset if self.texture is None else _textured(asset, self.texture)
 
 
-Options = Annotated[Written, arg(name="")]
+Options = Annotated[Written, OmitArgPrefixes]
 
 
 def _textured(asset: Asset, size: int) -> Asset:
@@ -80,14 +80,13 @@ def _textured(asset: Asset, size: int) -> Asset:
     return made
 
 
-def sample(name: Positional[str], /, *, written: Options, seed: int = 0, set: Settings = ()) -> None:
+def sample(name: Positional[str], /, *, output: Options, seed: int = 0, set: Settings = ()) -> None:
     """Build a random asset, or one with given parameters.
 
     Args:
         name: of a generator, or a path to a Python or TOML file
-        written: files and their detail
-        seed: of the random parameters
-        set: parameters to hold, as name=value
+        seed: random seed of the parameters
+        set: fixed parameters, as name=value
     """
     import numpy as np
 
@@ -95,14 +94,14 @@ def sample(name: Positional[str], /, *, written: Options, seed: int = 0, set: Se
 
     generator = load_generator(name)
     params = generator.space.sample(np.random.default_rng(seed))
-    _build_and_write(generator, generator.space.replace(params, parse_settings(set)), written)
+    _build_and_write(generator, generator.space.replace(params, parse_settings(set)), output)
 
 
 def edit(
     file: Positional[Path],
     /,
     *,
-    written: Options,
+    output: Options,
     set: Settings = (),
     preview: Preview = None,
 ) -> None:
@@ -110,7 +109,6 @@ def edit(
 
     Args:
         file: parameters as JSON, from --params-out
-        written: files and their detail
         set: parameters to change, as name=value
         preview: PNG file for the asset before and after, from the same camera
     """
@@ -124,7 +122,7 @@ def edit(
     after = generator.space.replace(before, parse_settings(set))
     if preview is not None:
         check_target(preview, (".png",))
-    _build_and_write(generator, after, written, preview and (before, preview))
+    _build_and_write(generator, after, output, preview and (before, preview))
 
 
 def parse_settings(settings: Sequence[Sequence[str]]) -> dict[str, str]:

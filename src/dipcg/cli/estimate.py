@@ -6,11 +6,11 @@ import json as jsons
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
-from tyro.conf import Positional, arg
+from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from dipcg.cli.assets import Options as WrittenFlags
 from dipcg.cli.assets import Settings, Written, parse_settings
@@ -24,66 +24,93 @@ if TYPE_CHECKING:
 MAX_WORKERS = 4
 
 
+@dataclass(frozen=True)
+class Input:
+    """What the pictures are."""
+
+    text: str | None = None
+    """a description of the object in English, in place of pictures"""
+    views: bool = False
+    """all pictures show one object, each from its own side; the camera of the first is estimated"""
+
+
+@dataclass(frozen=True)
+class Estimation:
+    """How the parameters are estimated."""
+
+    # The alias `Name | None` would lose the short flag.
+    generator: Annotated[str | None, arg(aliases=["-g"], metavar="NAME")] = None
+    """generator that makes such objects, a folder with a checkpoint, or a generator's file with a checkpoint in runs/;
+    by default it is recognised among those that ship"""
+    keep: Settings = ()
+    """fixed parameters, as name=value; the rest is estimated around them"""
+    candidates: int = 16
+    """number of candidates: the expected one, and samples"""
+    rank: bool = True
+    """take the expected candidate; without this flag all candidates are built and compared with the picture, and the
+    one that is likeliest near the truth is taken"""
+    refine: Annotated[float | None, arg(metavar="SECONDS")] = None
+    """seconds of search from the best candidate"""
+    steps: int | None = None
+    """steps of the sampler; by default as many as the checkpoint was made for"""
+    seed: int = 0
+    """random seed of the samples"""
+
+    def check(self) -> None:
+        """Raise ValueError for flags that cannot be used, before torch is imported."""
+        if self.refine is not None and not self.refine > 0:
+            raise ValueError(f"A search (--refine) takes more than 0 seconds, got {self.refine:g}.")
+        parse_settings(self.keep)
+
+    def options(self) -> Options:
+        """The options of the workflow."""
+        from dipcg.inference.estimate import Options
+
+        return Options(
+            candidates=self.candidates,
+            steps=self.steps,
+            seed=self.seed,
+            fixed=parse_settings(self.keep),
+            rank=self.rank and self.candidates > 1,
+            refine_s=self.refine,
+        )
+
+
 def estimate(
     images: Positional[tuple[Path, ...]] = (),
     /,
     *,
-    written: WrittenFlags,
-    text: str | None = None,
-    views: bool = False,
-    # The alias `Name | None` would lose the short flag.
-    generator: Annotated[str | None, arg(aliases=["-g"], metavar="NAME")] = None,
-    candidates: int = 16,
-    steps: int | None = None,
-    seed: int = 0,
-    keep: Settings = (),
-    rank: bool = True,
-    refine: Annotated[float | None, arg(metavar="SECONDS")] = None,
+    input: Annotated[Input, OmitArgPrefixes],
+    estimation: Annotated[Estimation, OmitArgPrefixes],
+    output: WrittenFlags,
     preview: Path | None = None,
 ) -> None:
     """Turn pictures into editable assets.
 
     With several pictures, files are named after them in the folder of the output: chair.glb becomes PICTURE.glb.
     A folder of pictures (`estimate FOLDER -o OUT/`) becomes a folder of assets, parameters and previews with a page,
-    index.html, that shows all; what is there already is skipped, so run it again after it was stopped.
+    index.html, that shows all. Files that are there already are skipped, so a stopped run can be repeated.
 
     Args:
         images: photographs, drawings or masks, or one folder of them
-        written: files and their detail
-        text: what the object is like, in English, instead of pictures; for a checkpoint that was trained on sentences
-        views: all pictures show one object, each from its own side; the first one's camera is estimated
-        generator: what they show, or a folder with a checkpoint, or a generator's file whose checkpoint is in runs/;
-            when left out, it is recognised among those that ship
-        candidates: number of candidates: the expected one, and samples
-        steps: steps of the sampler; by default as many as the checkpoint was made for
-        seed: random seed of the samples
-        keep: fixed parameters, as name=value; the rest is estimated around them
-        rank: with --no-rank the estimate is the expected candidate, and no other candidate is built; without it all are
-            built and compared with the picture, and the one that is likeliest near the truth is taken
-        refine: seconds of search from the best candidate
         preview: PNG file for the photo beside the result
     """
-    if refine is not None and not refine > 0:
-        raise ValueError(f"A search (--refine) takes more than 0 seconds, got {refine:g}.")
-    fixed, batch, targets = parse_settings(keep), None, {}
-    images, others = (images[:1], images[1:]) if views else (images, ())
-    if text is None:
-        batch = _open_batch(images, written, preview)
-        targets = _targets(images, written, preview) if batch is None else _batch_targets(batch, written)
+    batch, targets = None, {}
+    images, others = (images[:1], images[1:]) if input.views else (images, ())
+    estimation.check()
+    if input.text is None:
+        batch = _open_batch(images, output, preview)
+        targets = _targets(images, output, preview) if batch is None else _batch_targets(batch, output)
     elif images:
         raise ValueError("Give pictures or --text, not both: dipcg estimate --text 'a tall bar chair' -o OUT.glb")
     else:
-        _check_outputs(written, preview)
+        _check_outputs(output, preview)
     # This imports torch, which takes seconds, so what can be refused is refused before.
-    from dipcg.inference.estimate import Options
-
-    options = Options(
-        candidates=candidates, steps=steps, seed=seed, fixed=fixed, rank=rank and candidates > 1, refine_s=refine
-    )
-    if text is not None:
-        _estimate_text(text, generator, written, options, preview)
+    options, generator = estimation.options(), estimation.generator
+    if input.text is not None:
+        _estimate_text(input.text, generator, output, options, preview)
     elif targets:
-        _estimate_all(targets, others, generator, written, options, batch)
+        _estimate_all(targets, others, generator, output, options, batch)
 
 
 class Targets(NamedTuple):
