@@ -71,9 +71,9 @@ def read_classifier(path: Path) -> Classifier:
 
 def among(probabilities: Mapping[str, float], names: Collection[str]) -> dict[str, float]:
     """The probabilities of these names alone, scaled to a sum of 1."""
-    known = {name: probability for name, probability in probabilities.items() if name in names}
-    total = sum(known.values())
-    return {name: probability / total for name, probability in known.items()}
+    chosen = {name: probability for name, probability in probabilities.items() if name in names}
+    total = sum(chosen.values())
+    return {name: probability / total for name, probability in chosen.items()}
 
 
 def fingerprint(inverter: Inverter) -> str:

@@ -1,4 +1,4 @@
-"""How well a render matches a picture: silhouettes and lines, both cropped to the object as `images.prepare` does."""
+"""The agreement of a render with a picture, by silhouettes and lines; both are cropped as `images.prepare` does."""
 
 from __future__ import annotations
 
@@ -9,17 +9,21 @@ from jaxtyping import Bool, Float32, UInt8
 
 from dipcg.images import Background, crop_to_object, edges
 
-SIDE = 128  # of the pictures compared
-REACH = 0.06  # share of the side beyond which two lines do not belong together
-SOFT = 0.02  # of the side, the blur of silhouettes: a thin board a little off would overlap nowhere
-THICK = 0.03  # share of the side; what is nowhere thicker is a line drawing, and its silhouette means nothing
+# Side of the pictures that are compared; the other lengths are shares of it.
+SIDE = 128
+# The distance beyond which two lines do not match.
+REACH = 0.06
+# The blur of silhouettes: without it a thin board that is a little off would overlap nowhere.
+BLUR = 0.02
+# A picture whose object is nowhere thicker than this is a line drawing, whose silhouette means nothing.
+THICKNESS = 0.03
 
 
 @dataclass(frozen=True)
 class Match:
     """`silhouette`: intersection over union, softened. `lines`: 1 where they coincide, 0 where none is within `REACH`.
 
-    Both are from 0 to 1; `silhouette` is None when the picture has none to trust.
+    Both are from 0 to 1; `silhouette` is None when that of the picture cannot be trusted.
     """
 
     silhouette: float | None
@@ -27,13 +31,13 @@ class Match:
 
     @property
     def agreement(self) -> float:
-        """One number from 0 to 1: the mean of what can be trusted."""
+        """From 0 to 1: the mean of both, or the lines alone where the silhouette cannot be trusted."""
         return self.lines if self.silhouette is None else (self.silhouette + self.lines) / 2
 
 
 @dataclass(frozen=True)
 class Outline:
-    """What is compared of a picture, computed once: blurred coverage, lines, and the distance to the nearest line."""
+    """The features of a picture that are compared: blurred coverage, lines, and the distance to the nearest line."""
 
     coverage: Float32[np.ndarray, "s s"]
     lines: Bool[np.ndarray, "s s"]
@@ -41,13 +45,13 @@ class Outline:
 
 
 def outline(image: UInt8[np.ndarray, "s s 4"]) -> Outline:
-    """Coverage and lines of a picture that is already cropped to the object."""
+    """The features of a picture that is already cropped to the object."""
     import cv2
 
     drawn = edges(image)[..., 0]
     reach = REACH * len(image)
     distance = np.minimum(cv2.distanceTransform(drawn, cv2.DIST_L2, 3), reach) / reach
-    coverage = cv2.GaussianBlur(image[..., 3].astype(np.float32) / 255, (0, 0), SOFT * len(image))
+    coverage = cv2.GaussianBlur(image[..., 3].astype(np.float32) / 255, (0, 0), BLUR * len(image))
     return Outline(np.asarray(coverage), drawn == 0, distance.astype(np.float32))
 
 
@@ -57,7 +61,7 @@ class Picture:
     def __init__(self, image: UInt8[np.ndarray, "s s 4"], background: Background) -> None:
         cropped = crop_to_object(image, SIDE)
         self.outline = outline(cropped)
-        # GrabCut loses legs and keeps shadows; what it leaves is compared by lines alone, as a line drawing is.
+        # GrabCut loses legs and leaves shadows, so a photograph is compared by lines alone, as a line drawing is.
         self.has_silhouette = background != "photo" and not _is_line_drawing(cropped)
 
     def match(self, render: UInt8[np.ndarray, "s s 4"]) -> Match:
@@ -75,7 +79,7 @@ def _is_line_drawing(image: UInt8[np.ndarray, "s s 4"]) -> bool:
     import cv2
 
     inside = cv2.distanceTransform((image[..., 3] > 127).astype(np.uint8), cv2.DIST_L2, 3)
-    return float(inside.max()) < THICK / 2 * len(image)
+    return float(inside.max()) < THICKNESS / 2 * len(image)
 
 
 def _mean(values: Float32[np.ndarray, "s s"], where: Bool[np.ndarray, "s s"]) -> float:

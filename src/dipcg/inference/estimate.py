@@ -78,10 +78,10 @@ def estimate(
     probabilities = _recognise(inverters, options, lambda: recognise(views[0], inverters, classes))
     inverter = inverters.find(options.generator or next(iter(probabilities)))
     report(0.1, "Estimating the parameters")
-    found = inverter.estimate_views(views, options.candidates, options.steps, options.seed, options.fixed)
-    chosen = _choose(found, inverter, options, report)
-    view_doubts = [_doubt_view(view, chosen, inverter, inverters, options) for view in views[1:]]
-    return Result(chosen, probabilities, doubt(chosen, classes), view_doubts)
+    unranked = inverter.estimate_views(views, options.candidates, options.steps, options.seed, options.fixed)
+    ranked = _rank(unranked, inverter, options, report)
+    view_doubts = [_doubt_view(view, ranked, inverter, inverters, options) for view in views[1:]]
+    return Result(ranked, probabilities, doubt(ranked, classes), view_doubts)
 
 
 def describe(text: str, inverters: Inverters, options: Options = Options(), report: Report = _report_nothing) -> Result:
@@ -105,22 +105,25 @@ def _recognise(inverters: Inverters, options: Options, recognise: Callable[[], d
     return dict.fromkeys(inverters, 1.0) if len(inverters) == 1 else recognise()
 
 
-def _choose(found: Estimate, inverter: Inverter, options: Options, report: Report) -> Estimate:
+def _rank(unranked: Estimate, inverter: Inverter, options: Options, report: Report) -> Estimate:
+    """The estimate ranked or refined, as the options say."""
     if (seconds := options.refine_s) is not None:
         return refine(
-            found, inverter, seconds, lambda step: report(step.seconds / seconds, f"misfit {step.misfit:.3f}")
+            unranked, inverter, seconds, lambda step: report(step.seconds / seconds, f"misfit {step.misfit:.3f}")
         )
     if options.rank:
-        count = len(found.candidates)
-        return rank(found, inverter, lambda n: report(0.3 + 0.7 * n / count, "Building and comparing the candidates"))
-    return found
+        count = len(unranked.candidates)
+        return rank(
+            unranked, inverter, lambda n: report(0.3 + 0.7 * n / count, "Building and comparing the candidates")
+        )
+    return unranked
 
 
 def _doubt_view(
-    view: Cutout, chosen: Estimate, inverter: Inverter, inverters: Inverters, options: Options
+    view: Cutout, ranked: Estimate, inverter: Inverter, inverters: Inverters, options: Options
 ) -> str | None:
     """Whether a further picture shows the same object: only its camera is estimated, and then it is compared."""
-    space, params = inverter.generator.space, chosen.params
+    space, params = inverter.generator.space, ranked.params
     fixed = {name: params[name] for name in space.names if space.is_active(name, params)}
     return doubt(
         rank(inverter.estimate(view, 2, options.steps, options.seed, fixed), inverter), inverters.classify(view)

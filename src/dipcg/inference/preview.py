@@ -39,7 +39,7 @@ def side_by_side(estimate: Estimate, mesh: Mesh, path: str | Path | None = None)
 
 
 def contact_sheet(meshes: Sequence[Mesh], path: str | Path, columns: int = 8, side: int = 192) -> None:
-    """All meshes from the same camera in rows."""
+    """Write all meshes from the same camera in rows."""
     renderer = Renderer(side)
     tiles = [over_white(renderer.render(mesh, View(30.0, 20.0), margin=MARGIN)) for mesh in meshes]
     renderer.close()
@@ -60,7 +60,7 @@ def same_camera(meshes: Sequence[Mesh], view: View, side: int = SIDE) -> list[Ti
 
 
 def in_rows(tiles: Sequence[Tile], columns: int) -> UInt8[np.ndarray, "h w 3"]:
-    """Square tiles in rows, the last one filled up with white."""
+    """Square tiles in rows; white tiles fill the last row."""
     blank = np.full_like(tiles[0], 255)
     full = [*tiles, *[blank] * (-len(tiles) % columns)]
     rows = [np.concatenate(full[i : i + columns], 1) for i in range(0, len(full), columns)]

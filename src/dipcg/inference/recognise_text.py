@@ -28,11 +28,11 @@ def recognise_text(text: str, names: Collection[str] = ()) -> dict[str, float]:
     is known.
     """
     probabilities = read_classifier(FILE).probabilities(summaries([check_text(text)]))
-    known = among(probabilities, names or probabilities)
-    if not known:
+    considered = among(probabilities, names or probabilities)
+    if not considered:
         all_names = ", ".join(probabilities)
         raise ValueError(f"Say which generator is meant: from words alone only {all_names} can be told apart.")
-    return known
+    return considered
 
 
 def summaries(sentences: Sequence[str]) -> Float[Tensor, "b c"]:

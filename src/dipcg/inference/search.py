@@ -1,8 +1,8 @@
 """Searching for the parameters of a picture by building and comparing: MCMC, random search and CMA-ES on one budget.
 
-A point is `x` and, unless the camera is known, three more numbers for it, all in [-1, 1]. A score is a distance between
-the picture and a render of the point, lower is better. Every searcher is a function of its seed and the scores it is
-told, so a search that was killed goes on by telling it the scores so far.
+A point is `x`, followed by three numbers for the camera unless that is fixed, all in [-1, 1]. A score is a distance
+between the picture and a render of the point, lower is better. Every searcher is a function of its seed and of the
+scores so far, so a search that was killed continues from the log of its scores.
 """
 
 from __future__ import annotations
@@ -33,15 +33,19 @@ METHODS = ("mcmc", "random", "cma")
 
 @runtime_checkable
 class Searcher(Protocol):
-    """Names points to score, and learns from their scores."""
+    """Proposes points, and adapts to their scores."""
 
-    def ask(self) -> list[Point]: ...
+    def ask(self) -> list[Point]:
+        """The next points."""
+        ...
 
-    def tell(self, points: list[Point], scores: list[float]) -> None: ...
+    def tell(self, points: list[Point], scores: list[float]) -> None:
+        """The scores of these points."""
+        ...
 
 
 class Metropolis:
-    """Some chains of Metropolis-Hastings over points, one step of each at a time, from given starts.
+    """Chains of Metropolis-Hastings over points from given starts; all make one step at a time.
 
     Source: Metropolis et al. 1953, Hastings 1970. The density is exp(-score / temperature) on the box [-1, 1]^n; the
     proposal has to be symmetric.
@@ -63,8 +67,8 @@ class Metropolis:
                 self.accepted += 1
 
     def _accepts(self, before: float, after: float) -> bool:
-        chance = self.rng.random()
-        return bool(after <= before or math.log(chance) < (before - after) / self.temperature)
+        threshold = math.log(self.rng.random())
+        return bool(after <= before or threshold < (before - after) / self.temperature)
 
 
 class RandomSearch:
@@ -84,15 +88,16 @@ class RandomSearch:
 class Moves:
     """The proposal: a few entries of a point move, reals by a normal step, choices to any option.
 
-    Symmetric: which entries move does not depend on where they are, and a step beyond the box is reflected. Parameters
-    that are inactive move too; what they would be is then drawn before they are asked for.
+    It is symmetric: which entries move does not depend on their values, and a step beyond the box is reflected.
+    Inactive parameters move too, so that they have random values when they become active.
     """
 
     space: ParameterSpace
     rng: np.random.Generator
     step: float = 0.2
+    """standard deviation of a step of a real, in x"""
     share: float = 0.1
-    """of the entries that move; one at least"""
+    """share of the entries that move; at least one does"""
 
     def __call__(self, point: Point) -> Point:
         moves = self.rng.random(len(point)) < self.share
@@ -104,14 +109,14 @@ class Moves:
 
 
 def reflect(point: Point) -> Point:
-    """A point beyond [-1, 1] put back as by mirrors at the borders, which keeps a proposal symmetric."""
+    """The point reflected at the borders of [-1, 1] until it lies inside, which leaves a proposal symmetric."""
     return np.abs((point - 1) % 4 - 2) - 1
 
 
 class Objective:
-    """Scores points: built by a pool, rendered, compared. A failed build has an infinite score.
+    """The score of a point: it is built by a pool, rendered and compared. A failed build has an infinite score.
 
-    With a `view` points have no numbers for the camera.
+    With a `view` the camera is fixed, and points have no numbers for it.
     """
 
     def __init__(self, pool: BuildPool, score: Score, size: int, view: View | None = None) -> None:
@@ -132,7 +137,7 @@ class Objective:
         return self.generator.space.decode(point[: len(self.generator.space)])
 
     def camera(self, point: Point) -> View:
-        """The known view, or the one that the point names, from behind too."""
+        """The fixed view, or the one of the point, which may stand behind the object."""
         return view_from_box(point[-BOX_NUMBERS:]) if self.view is None else self.view
 
     def point(self, params: Params, view: View) -> Point:
@@ -146,7 +151,7 @@ class Objective:
 
 @dataclass(frozen=True)
 class Tried:
-    """One call of the generator: its number from 1, its score, and the best so far."""
+    """One call of the generator: its number from 1, its score, the best score so far and its point."""
 
     call: int
     score: float
@@ -157,15 +162,15 @@ class Tried:
 def search(
     searcher: Searcher, score: Callable[[Sequence[Point]], Iterator[float]], calls: int, past: Sequence[float] = ()
 ) -> Iterator[Tried]:
-    """Let a searcher spend a budget of calls; scores in `past` are told again instead of being found again."""
+    """Let a searcher spend a budget of calls; scores in `past` are taken from there instead of being computed."""
     done, best, best_point = 0, math.inf, np.empty(0)
     while done < calls:
         points = searcher.ask()
-        found = list(past[done : done + len(points)])
-        fresh = score(points[len(found) :])
+        logged = list(past[done : done + len(points)])
+        fresh = score(points[len(logged) :])
         scores: list[float] = []
         for number, point in enumerate(points):
-            scores.append(found[number] if number < len(found) else next(fresh))
+            scores.append(logged[number] if number < len(logged) else next(fresh))
             if scores[-1] < best or not len(best_point):
                 best, best_point = scores[-1], point
             done += 1

@@ -1,4 +1,4 @@
-"""What a search leaves behind: a line for every call of the generator, a plot, and the best so far as pictures."""
+"""The log of a search: a line for every call of the generator, a plot, and pictures of the best so far."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import UInt8
 
-MARKS = (100, 500, 1000, 2000, 5000, 10_000)  # the paper's figure 5
+# The numbers of calls in the paper's figure 5.
+MARKS = (100, 500, 1000, 2000, 5000, 10_000)
 Tile = UInt8[np.ndarray, "s s 3"]
 
 
@@ -26,7 +27,7 @@ class Line:
 
 
 class Trace:
-    """`trace.jsonl` in a folder, beside the settings that every line depends on; opens what is there and goes on.
+    """`trace.jsonl` in a folder, beside the settings that every line depends on; an earlier one is continued.
 
     Raises ValueError when the folder holds the trace of other settings.
     """
@@ -55,7 +56,7 @@ class Trace:
         return self.lines[-1].seconds if self.lines else 0.0
 
     def add(self, seconds: float, score: float) -> None:
-        """Append one call; it is on disk when this returns."""
+        """Append one call, which is on disk when this returns."""
         self._file.write(_written(self._append(seconds, score)))
         self._file.flush()
 
@@ -67,19 +68,19 @@ class Trace:
         return self.lines[-1]
 
     def _whole_lines(self) -> list[dict[str, Any]]:
-        """All lines but one cut short by a kill."""
+        """All lines but the last if a kill has cut it short."""
         if not self._path.is_file():
             return []
         return [json.loads(line) for line in self._path.read_text().splitlines(keepends=True) if line.endswith("\n")]
 
 
 def marks(calls: int) -> list[int]:
-    """The calls at which a search of this length is looked at."""
+    """The numbers of calls at which a search of this length is shown."""
     return [mark for mark in MARKS if mark < calls] + [calls]
 
 
 def plot_traces(traces: dict[str, Sequence[Line]], path: str | Path) -> None:
-    """The best score over calls and over seconds, a line for each search; needs matplotlib."""
+    """Plot the best score over calls and over seconds, a line for each search; needs matplotlib."""
     try:
         from matplotlib.figure import Figure
     except ImportError:
