@@ -1,4 +1,4 @@
-"""Commands that make assets of parameters: sample, edit."""
+"""Commands that make assets from parameters: sample, edit."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 Name = Annotated[str, arg(aliases=["-g"], metavar="NAME")]
 Output = Annotated[Path, arg(aliases=["-o"], metavar="FILE")]
 Preview = Annotated[Path | None, arg(metavar="FILE")]
-Settings = Annotated[tuple[tuple[str, ...], ...], UseAppendAction, arg(metavar="NAME=VALUE")]  # one or more, repeatable
+# Each flag takes one or more settings, and the flag can be repeated.
+Settings = Annotated[tuple[tuple[str, ...], ...], UseAppendAction, arg(metavar="NAME=VALUE")]
 
 
 @dataclass(frozen=True)
@@ -37,18 +38,18 @@ class Written:
     faces: Annotated[int | None, arg(metavar="COUNT")] = None
     """triangles to simplify to; all of them when left out"""
     texture: Annotated[int | None, arg(metavar="PIXELS")] = None
-    """bake Infinigen's materials to maps of so many pixels along a side, for glTF and USD"""
+    """side in pixels of texture maps that are baked from Infinigen's materials, for glTF and USD"""
     material_seed: int = 0
     """random seed of the materials in maps and in .blend files"""
     json: bool = False
-    """print what was made as JSON"""
+    """print the result as JSON"""
 
     @property
     def detail(self) -> Detail:
         return "light" if self.light else "full"
 
     def check(self) -> None:
-        """Raise export.ExportError for a file that could not be written, before any work is done."""
+        """Raise ExportError for a file that could not be written, before any work is done."""
         from dipcg.export.asset import check_faces, check_target, check_texture
 
         check_target(self.output)
@@ -60,7 +61,7 @@ class Written:
             check_texture(self.texture, self.output)
 
     def finish(self, asset: Asset) -> Asset:
-        """The asset with as many faces and with the maps that were asked for; raises blender.BlenderError."""
+        """The asset simplified and with texture maps, as the flags say; raises BlenderError."""
         asset = replace(asset, material_seed=self.material_seed)
         asset = asset if self.faces is None else asset.with_faces(self.faces)
         return asset if self.texture is None else _textured(asset, self.texture)
@@ -84,7 +85,7 @@ def sample(name: Positional[str], /, *, output: Options, seed: int = 0, set: Set
     """Build a random asset, or one with given parameters.
 
     Args:
-        name: of a generator, or a path to a Python or TOML file
+        name: a generator's name, or the path of a Python or TOML file
         seed: random seed of the parameters
         set: fixed parameters, as name=value
     """
@@ -126,19 +127,19 @@ def edit(
 
 
 def parse_settings(settings: Sequence[Sequence[str]]) -> dict[str, str]:
-    """`name=value` words, as given to each of several flags, as a dict.
+    """The `name=value` words of several flags as a dict.
 
     Raises ValueError for a word without `=` and for a name with two values.
     """
-    words = [word for given in settings for word in given]
+    words = [word for flag in settings for word in flag]
     for word in words:
         if "=" not in word:
             raise ValueError(f"A setting is written name=value, got {word!r}.")
-    found: dict[str, str] = {}
+    values: dict[str, str] = {}
     for name, value in ((part.strip() for part in word.split("=", 1)) for word in words):
-        if found.setdefault(name, value) != value:
-            raise ValueError(f"{name} is given twice, as {found[name]} and as {value}; give it once.")
-    return found
+        if values.setdefault(name, value) != value:
+            raise ValueError(f"{name} is given twice, as {values[name]} and as {value}; give it once.")
+    return values
 
 
 def _read(file: Path) -> str:
@@ -152,7 +153,7 @@ def _read(file: Path) -> str:
 def _build_and_write(
     generator: Generator, params: Params, written: Written, compared: tuple[Params, Path] | None = None
 ) -> None:
-    """Build, write, say so; and draw the asset of other parameters beside it."""
+    """Build and write an asset, print that, and draw the asset of other parameters beside it."""
     from dipcg.export.asset import Asset
     from dipcg.workers.pool import BuildPool
 

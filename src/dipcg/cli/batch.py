@@ -1,4 +1,4 @@
-"""A folder of pictures to a folder of assets with a page that shows them all; a second run does what is missing."""
+"""A folder of pictures becomes a folder of assets with a page that shows them all; a second run does the rest."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ PAGE = "index.html"
 
 
 class BatchError(ValueError):
-    """A folder that cannot be worked through, with a sentence that says why and what to do."""
+    """A folder of pictures cannot be used; the message says why and what to do."""
 
 
 @dataclass(frozen=True)
 class Files:
-    """What is written for one picture; the preview comes last."""
+    """The files that are written for one picture; the preview is written last."""
 
     asset: Path
     params: Path
@@ -31,36 +31,37 @@ class Files:
 
 @dataclass(frozen=True)
 class Batch:
-    """Pictures by name, and the files that become of each in the folder `out`."""
+    """Pictures, and the files that are written for each in the folder `out`."""
 
     out: Path
     files: Mapping[Path, Files]
 
     @property
     def waiting(self) -> list[Path]:
-        """The pictures of which something is missing."""
+        """The pictures of which a file is missing."""
         return [picture for picture, files in self.files.items() if not files.done]
 
     def write_page(self, problems: Mapping[Path, str]) -> Path:
-        """Write the page with every picture, done, failed or not there yet."""
+        """Write the page with every picture, whether done, failed or waiting."""
         cards = "\n".join(_card(picture, files, problems.get(picture)) for picture, files in self.files.items())
         done = sum(files.done for files in self.files.values())
         title = f"{done} of {len(self.files)} pictures" + (f", {len(problems)} failed" if problems else "")
         page = self.out / PAGE
         page.with_suffix(".part").write_text(TEMPLATE.format(title=title, cards=cards), encoding="utf-8")
-        return page.with_suffix(".part").replace(page)  # whoever has it open never sees half of it
+        # A browser that has the page open never reads half of it.
+        return page.with_suffix(".part").replace(page)
 
 
 def open_batch(pictures: Path, out: Path, suffix: str = ".glb") -> Batch:
-    """The batch of a folder of pictures; makes the folder for what becomes of them.
+    """The batch of a folder of pictures; makes the folder for the files.
 
     Raises BatchError for a folder without pictures, for two pictures of one name, and when `out` is a file.
     """
-    found = sorted(path for path in pictures.iterdir() if path.suffix.lower() in PICTURES)
-    if not found:
+    paths = sorted(path for path in pictures.iterdir() if path.suffix.lower() in PICTURES)
+    if not paths:
         raise BatchError(f"{pictures} has no pictures; they end in {', '.join(PICTURES)}.")
-    names = [path.stem for path in found]
-    twice = next((path for path in found if names.count(path.stem) > 1), None)
+    names = [path.stem for path in paths]
+    twice = next((path for path in paths if names.count(path.stem) > 1), None)
     if twice:
         raise BatchError(
             f"{pictures} has several pictures named {twice.stem}, after which files are named; rename one."
@@ -71,7 +72,7 @@ def open_batch(pictures: Path, out: Path, suffix: str = ".glb") -> Batch:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise BatchError(f"The folder {out} cannot be made ({error.strerror}).") from None
-    return Batch(out, {path: _files(out, path.stem, suffix) for path in found})
+    return Batch(out, {path: _files(out, path.stem, suffix) for path in paths})
 
 
 def _files(out: Path, stem: str, suffix: str) -> Files:

@@ -1,6 +1,6 @@
-"""The command line: words people type, one function each. Nothing heavy is imported before a command needs it.
+"""The commands, one function each. Nothing heavy is imported before a command needs it.
 
-Exit codes: 0 all done, 1 something failed and a sentence on stderr says what, 2 the command line itself is wrong.
+Exit codes: 0 for success, 1 for a failure that a sentence on stderr describes, 2 for a wrong command line.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from dipcg.cli.train import import_checkpoint, train
 
 
 def doctor(*, json: bool = False) -> None:
-    """Say what is missing on this machine, and the command that mends it.
+    """Say what is missing on this machine, and which command installs it.
 
     Args:
         json: print JSON
     """
     from dipcg.cli import doctor as checking
 
-    found = checking.checks()
-    print(jsons.dumps([asdict(check) for check in found], indent=1) if json else checking.report(found))
-    if not all(check.ok for check in found):
+    checks = checking.checks()
+    print(jsons.dumps([asdict(check) for check in checks], indent=1) if json else checking.report(checks))
+    if not all(check.ok for check in checks):
         raise SystemExit(1)
 
 
@@ -61,9 +61,10 @@ COMMANDS = {
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run one command; a problem becomes one sentence on stderr and exit code 1."""
+    """Run one command; an error becomes one sentence on stderr and exit code 1."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    if " ".join(words[:2]) in COMMANDS:  # tyro knows subcommands of one word
+    # tyro takes subcommands of one word alone.
+    if " ".join(words[:2]) in COMMANDS:
         words[:2] = [" ".join(words[:2])]
     if example := example_for(words):
         print(example)

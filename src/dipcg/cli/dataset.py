@@ -32,19 +32,19 @@ def dataset_build(
     address: str | None = None,
     resume: bool = True,
 ) -> None:
-    """Sample a generator and store parameters and light meshes; a killed build goes on where it was.
+    """Sample a generator and store parameters and light meshes; a killed build continues where it stopped.
 
     Args:
-        generator: name, or a path to a Python or TOML file
+        generator: a generator's name, or the path of a Python or TOML file
         output: folder for the shards
         count: number of shapes
-        seed: of the shapes
-        workers: processes that build
-        timeout_s: seconds after which a build is given up
-        drawing: of parameters, each by itself, or sobol: spread more evenly, for few samples
-        executor: this machine, or ray: a Ray cluster with as many workers as it has processors
-        address: of the Ray cluster, as `ray start` prints it; one on this machine when left out
-        resume: go on with a folder that already has shards
+        seed: random seed of the shapes
+        workers: number of processes that build
+        timeout_s: seconds after which a build is stopped
+        drawing: how parameters are drawn: uniform, each by itself, or sobol, spread more evenly, for few samples
+        executor: local for this machine, or ray for a Ray cluster with as many workers as it has processors
+        address: address of the Ray cluster, as `ray start` prints it; one on this machine when left out
+        resume: continue in a folder that already has shards
     """
     from dipcg.cli.terminal import bar
     from dipcg.data.cluster import Ray
@@ -66,24 +66,24 @@ def _report(update: Callable[[int, str], None], started: float, progress: Progre
 
 
 def dataset_info(folder: Positional[Path], /, *, json: bool = False) -> None:
-    """Say what a data set holds.
+    """Print the contents of a data set: counts, failures, and a histogram of each parameter.
 
     Args:
-        folder: with shards
+        folder: folder with shards
         json: print JSON
     """
     from dipcg.cli.listing import data_set
     from dipcg.data.store import Store
 
-    found = Store(folder).summary()
-    print(jsons.dumps(found, indent=1) if json else data_set(found))
+    summary = Store(folder).summary()
+    print(jsons.dumps(summary, indent=1) if json else data_set(summary))
 
 
 def dataset_gallery(folder: Positional[Path], /, *, output: Output, count: int = 48) -> None:
     """Draw a contact sheet of a data set.
 
     Args:
-        folder: with shards
+        folder: folder with shards
         output: PNG file
         count: number of shapes
     """

@@ -42,18 +42,18 @@ def evaluate(
     are measured in place of the estimator's.
 
     Args:
-        generator: name, or a folder with a checkpoint
-        data: folder from `dipcg dataset build`, of which the test split is used
+        generator: a generator's name, or a folder with a checkpoint
+        data: folder from `dipcg dataset build`, whose test split is used
         pairs: folder with NAME.png and NAME.npz (array `points`), compared at the best of four quarter turns
-        prefix: only pairs whose names start so; the generator's name when left out
-        count: at most so many shapes
-        candidates: how many of each picture, the expected one among them
-        steps: of the sampler; as many as the checkpoint was made for when left out
+        prefix: beginning of the names of the pairs to use; the generator's name when left out
+        count: the most shapes to measure
+        candidates: number of candidates of each picture, the expected one among them
+        steps: steps of the sampler; as many as the checkpoint was made for when left out
         metric: names of metrics, or all; by default CD, F at 0.02 and the share of choices that are right
-        nearest_of: random shapes, of which the one nearest to the truth is a row: the first of the data set's train
-            split, or with --pairs built for it; 0 leaves it out
+        nearest_of: number of random shapes, of which the one nearest to the truth is a row: the first of the data set's
+            train split, or with --pairs built for it; 0 leaves it out
         rank: build all candidates, and measure the one ranked first and the one nearest to the truth too
-        refine: measure what so many seconds of search make of it too
+        refine: seconds of search after which the result is measured too
         meshes: folder with the NAME.glb or NAME.obj that another tool made of each picture
         pictures: folder for the pictures, as NAME.png
         json: file for the table as JSON
@@ -71,19 +71,19 @@ def evaluate(
     if json is not None:
         check_target(json, (".json",))
     if meshes is not None or pictures is not None:
-        return _foreign(_cases(data, pairs, prefix or generator, count), meshes, pictures, count, metric, json)
+        return _external(_cases(data, pairs, prefix or generator, count), meshes, pictures, count, metric, json)
     with Inverter.load(generator, workers=2) as inverter:
         cases, done = _cases(data, pairs, prefix or inverter.generator.name, count), counter(1)
         shapes = _random_shapes(inverter, data, nearest_of)
         plan = Plan(candidates, steps, pairs is not None, metric, rank, refine, shapes)
         with bar("measuring", count) as update:
-            found = measure(inverter, cases, plan, lambda case: update(next(done), case.name))
-    print(f"{table(found)}\n\n{differences(found)}")
+            measured = measure(inverter, cases, plan, lambda case: update(next(done), case.name))
+    print(f"{table(measured)}\n\n{differences(measured)}")
     if json:
-        json.write_text(jsons.dumps(found.to_dict(), indent=1))
+        json.write_text(jsons.dumps(measured.to_dict(), indent=1))
 
 
-def _foreign(
+def _external(
     cases: Iterator[Case],
     meshes: Path | None,
     pictures: Path | None,
@@ -121,17 +121,17 @@ def _cases(data: Path | None, pairs: Path | None, prefix: str, count: int) -> It
 def compare_meshes(
     cases: Iterator[Case], folder: Path, count: int, metrics: list[str] | None, json: Path | None
 ) -> None:
-    """Print the table of a folder's meshes and the table of their topology; write both as JSON when asked to."""
+    """Print the table of a folder's meshes and the table of their topology; with a file write both as JSON."""
     from dipcg.cli.terminal import bar, table
     from dipcg.evaluation.external import measure_meshes
 
     done = counter(1)
     with bar("measuring", count) as update:
-        found, shapes, quads = measure_meshes(cases, folder, metrics, lambda case: update(next(done), case.name))
-    print(table(found) + "\n\n" + topology_table(shapes, quads))
+        measured, shapes, quads = measure_meshes(cases, folder, metrics, lambda case: update(next(done), case.name))
+    print(table(measured) + "\n\n" + topology_table(shapes, quads))
     if json:
         about = {name: vars(shape) | {"quads": quads.get(name)} for name, shape in shapes.items()}
-        json.write_text(jsons.dumps({"accuracy": found.to_dict(), "topology": about}, indent=1))
+        json.write_text(jsons.dumps({"accuracy": measured.to_dict(), "topology": about}, indent=1))
 
 
 def topology_table(shapes: dict[str, Topology], quads: dict[str, float]) -> str:

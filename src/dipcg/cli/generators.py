@@ -19,7 +19,7 @@ def generators(name: Positional[str] = "", /, *, json: bool = False) -> None:
     """List the generators, or the parameters of one.
 
     Args:
-        name: of a generator, or a path to a Python or TOML file
+        name: a generator's name, or the path of a Python or TOML file
         json: print JSON
     """
     from dipcg.cli import listing
@@ -33,15 +33,15 @@ def generators_add(
     """Make a generator of a Blender file: its Geometry Nodes inputs become parameters in a TOML file to edit.
 
     Args:
-        file: that Blender saved, ending in .blend
-        object: that has the modifier, where several have one
+        file: a Blender file, ending in .blend
+        object: the object with the modifier, where several have one
         range: lowest and highest value of an input, as name=low:high; narrows limits, or sets them where there are none
         output: TOML file to write; beside the Blender file when left out
         json: print what was made as JSON
     """
-    from dipcg.blender.importer import adopt
+    from dipcg.blender.importer import import_blend
 
-    made = adopt(file, object, parse_settings(range), output, input if sys.stdin.isatty() else None)
+    made = import_blend(file, object, parse_settings(range), output, input if sys.stdin.isatty() else None)
     if json:
         print(jsons.dumps({"output": str(made.path), "parameters": made.parameters, "left_out": made.left_out}))
         return

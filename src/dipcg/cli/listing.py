@@ -14,7 +14,7 @@ BARS = " ▁▂▃▄▅▆▇█"
 
 
 def generators(json: bool = False) -> str:
-    """The installed generators: how many parameters, whether they can be built and estimated here."""
+    """The installed generators, the number of their parameters, and whether they can be built and estimated here."""
     rows = [_generator(name) for name in registry.names("generators")]
     if json:
         return jsons.dumps(rows, indent=1)
@@ -35,17 +35,17 @@ def parameters(name: str, json: bool = False) -> str:
 
 
 def data_set(summary: dict[str, Any]) -> str:
-    """What `store.Store.summary` found, with a histogram for each parameter."""
+    """The summary of a `Store`, with a histogram for each parameter."""
     facts = [(key, str(value)) for key, value in summary.items() if key != "parameters"]
-    histograms = [(name, _bars(found)) for name, found in summary["parameters"].items()]
+    histograms = [(name, _bars(counts)) for name, counts in summary["parameters"].items()]
     return _aligned(facts) + "\n\n" + _aligned(histograms)
 
 
-def _bars(found: dict[str, int] | list[int]) -> str:
-    if isinstance(found, dict):
-        return ", ".join(f"{option} {count}" for option, count in found.items())
-    most = max(1, *found)
-    return "".join(BARS[round(count / most * (len(BARS) - 1))] for count in found)
+def _bars(counts: dict[str, int] | list[int]) -> str:
+    if isinstance(counts, dict):
+        return ", ".join(f"{option} {count}" for option, count in counts.items())
+    most = max(1, *counts)
+    return "".join(BARS[round(count / most * (len(BARS) - 1))] for count in counts)
 
 
 def _generator(name: str) -> dict[str, Any]:

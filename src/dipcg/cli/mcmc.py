@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from dipcg.inference.trace import Trace
 
 Folder = Annotated[Path, arg(aliases=["-o"], metavar="FOLDER")]
-SIDE = 256  # of the pictures shown
+# Side of the pictures that are shown.
+SIDE = 256
 
 
 def mcmc(
@@ -37,24 +38,25 @@ def mcmc(
     workers: int = 2,
     seed: int = 0,
 ) -> None:
-    """Search for what a picture shows by building and comparing, as the paper's baseline does; a killed one goes on.
+    """Search for what a picture shows by building and comparing, as the paper's baseline; a killed search continues.
 
     Writes trace.jsonl, trace.png, best.json for `dipcg edit`, and best.png with the best so far after 100, 500, 1,000,
     2,000, 5,000 and 10,000 calls of the generator.
 
     Args:
         image: photograph, drawing or mask
-        generator: what it shows
-        output: folder for what is found
-        iterations: calls of the generator, of all chains together
+        generator: name of the generator of what it shows
+        output: folder for the results
+        iterations: number of calls of the generator, by all chains together
         method: Metropolis-Hastings, random search or CMA-ES
-        score: silhouette, edges, both, or an encoder whose features are compared (dinov2, clip; conv: the checkpoint's)
+        score: what is compared: silhouette, edges, both, or the features of an encoder (dinov2, clip, or conv of the
+            checkpoint)
         encoder_weights: hub name or folder of a pretrained encoder's weights
-        start: from random parameters and cameras, or from the estimate of the checkpoint
-        chains: searches side by side
-        temperature: of the acceptance: the difference in score that is accepted once in e times
-        workers: processes that build
-        seed: of everything random
+        start: random for random parameters and cameras, or estimate for the estimate of the checkpoint
+        chains: number of searches side by side
+        temperature: temperature of the acceptance: the difference in score that is accepted once in e times
+        workers: number of processes that build
+        seed: random seed of the search
     """
     import numpy as np
 
@@ -84,7 +86,7 @@ def mcmc(
 
 
 def _score(image: Path, generator: str, name: str, weights: str) -> tuple[Score, int]:
-    """A distance between the picture and a render, and the side of the renders it wants."""
+    """A distance between the picture and a render, and the side of the renders that it takes."""
     from dipcg.images import prepare
     from dipcg.inference.compare import SIDE, Match, Picture
 
@@ -108,7 +110,8 @@ def _feature_score(image: Path, generator: str, name: str, weights: str) -> tupl
     from dipcg.model.checkpoint import load_checkpoint
     from dipcg.model.zoo import find_checkpoint
 
-    if name == "conv":  # means nothing untrained
+    if name == "conv":
+        # The features of an untrained encoder mean nothing.
         encoder = load_checkpoint(find_checkpoint(generator))[0].encoder
     else:
         encoder = build_encoder(ModelConfig(encoder=name, encoder_weights=weights, summary=0))
@@ -120,8 +123,8 @@ def _estimated(image: Path, generator: str, objective: Objective) -> Point:
     from dipcg.pipeline import Inverter
 
     with Inverter.load(generator) as inverter:
-        found = inverter.estimate(image)
-        return objective.point(found.params, found.view)
+        estimate = inverter.estimate(image)
+        return objective.point(estimate.params, estimate.view)
 
 
 def _write(output: Path, image: Path, trace: Trace, objective: Objective, best: dict[int, Point]) -> None:

@@ -14,13 +14,13 @@ def serve(
     workers: int | None = None,
     browser: bool = False,
 ) -> None:
-    """Start the web app: pictures in, editable assets out, with the same over HTTP.
+    """Start the web app, in which pictures become editable assets, and its HTTP API.
 
     Args:
-        names: of generators, or folders with checkpoints; all that ship when left out
-        host: address to listen on; others can reach this machine only when you name one, as 0.0.0.0
-        port: to listen on
-        workers: build processes of each generator; as the processor allows when left out
+        names: names of generators, or folders with checkpoints; all that ship when left out
+        host: address to listen on; other machines can connect only to an address like 0.0.0.0
+        port: port to listen on
+        workers: number of build processes of each generator; by the number of processors when left out
         browser: open the page
     """
     try:

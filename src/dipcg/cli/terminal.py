@@ -1,4 +1,4 @@
-"""What people see in a terminal: progress bars and tables."""
+"""Output in a terminal: progress bars, tables and errors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Update = Callable[[int, str], None]
 
 @contextlib.contextmanager
 def bar(label: str, total: int) -> Iterator[Update]:
-    """A progress bar with the time left if stderr is a terminal; call the update with what is done and a short note."""
+    """A progress bar with the time left if stderr is a terminal; the update takes the work done and a short note."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
@@ -29,7 +29,8 @@ def bar(label: str, total: int) -> Iterator[Update]:
         try:
             yield lambda done, note: progress.update(task, completed=done, note=note)
         except BaseException:
-            progress.live.transient = True  # a problem is told by its sentence alone
+            # The bar vanishes, so that the sentence of the error stands alone.
+            progress.live.transient = True
             raise
 
 
@@ -44,28 +45,28 @@ def error_text(error: Exception) -> str:
     return str(error.args[0] if error.args and isinstance(error, KeyError) else error)
 
 
-def table(found: Table) -> str:
+def table(results: Table) -> str:
     """A Markdown table of means with 95 % intervals, one row per method; n is the number of pictures."""
-    measured = {name for values in found.values.values() for name in values}
-    names = [metric.name for metric in found.metrics if metric.name in measured]
+    measured = {name for values in results.values.values() for name in values}
+    names = [metric.name for metric in results.metrics if metric.name in measured]
     lines = ["| | n | " + " | ".join(names) + " | failed builds |", "|---" * (len(names) + 3) + "|"]
-    for row, values in found.values.items():
-        cells = [_cell(found, row, name) if name in values else "" for name in names]
+    for row, values in results.values.items():
+        cells = [_cell(results, row, name) if name in values else "" for name in names]
         count = max(map(len, values.values()), default=0)
-        lines.append(f"| {row} | {count} | " + " | ".join(cells) + f" | {found.failures[row]} |")
+        lines.append(f"| {row} | {count} | " + " | ".join(cells) + f" | {results.failures[row]} |")
     return "\n".join(lines)
 
 
-def differences(found: Table) -> str:
-    """A Markdown table of each row less the estimate in the first metric; empty without an estimate."""
-    metric = found.metrics[0].name
+def differences(results: Table) -> str:
+    """A Markdown table of each row minus the estimate in the first metric; empty without an estimate."""
+    metric = results.metrics[0].name
     rows = [
         f"| {row} | {mean:+.3f} [{low:+.3f}, {high:+.3f}] |"
-        for row, (mean, low, high) in found.differences(metric).items()
+        for row, (mean, low, high) in results.differences(metric).items()
     ]
     return "\n".join([f"| | {metric}, less the estimate's |", "|---|---|", *rows]) if rows else ""
 
 
-def _cell(found: Table, row: str, name: str) -> str:
-    low, high = found.interval(row, name)
-    return f"{found.mean(row, name):.3f} [{low:.3f}, {high:.3f}]"
+def _cell(results: Table, row: str, name: str) -> str:
+    low, high = results.interval(row, name)
+    return f"{results.mean(row, name):.3f} [{low:.3f}, {high:.3f}]"
