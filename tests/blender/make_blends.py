@@ -1,4 +1,4 @@
-"""Small Blender files for tests/test_adopt.py; run as `python tests/make_blends.py FOLDER`, in a process of its own."""
+"""Small Blender files for tests/blender/test_importer.py; `python tests/blender/make_blends.py FOLDER` writes them."""
 
 import os
 import sys

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dipcg.blender.declaration import write_declaration
-from dipcg.blender.importer import adopt
+from dipcg.blender.importer import import_blend
 from dipcg.cli import main
 from dipcg.generators import load_generator
 from dipcg.space import Choice, Real
@@ -58,7 +58,7 @@ RANGES = {"size_2": "0:1", "Turn": "-90:90"}
 
 
 def test_every_kind_of_input_becomes_what_a_person_would_expect(blends):
-    found = adopt(blends / "kinds.blend", ranges=RANGES | {"Shift": "-0.5:0.5", "shift_z": "0:1"})
+    found = import_blend(blends / "kinds.blend", ranges=RANGES | {"Shift": "-0.5:0.5", "shift_z": "0:1"})
     space = load_generator(str(found.path)).space
     assert space.names == found.parameters
     size, turn, many = space["size"], space["_2nd_turn"], space["many"]
@@ -78,7 +78,7 @@ def test_every_kind_of_input_becomes_what_a_person_would_expect(blends):
 
 
 def test_inputs_reach_the_graph_in_their_own_units(blends):
-    toml = adopt(blends / "kinds.blend", ranges=RANGES).path
+    toml = import_blend(blends / "kinds.blend", ranges=RANGES).path
     still = {"size": 1.0, "turn_x": 0, "turn_y": 0, "turn_z": 0, "shift_x": 0, "shift_y": 0, "shift_z": 0}
     still |= {"few": 2, "many": 2}
     plain, large, moved, turned, fine = built(
@@ -100,14 +100,14 @@ def test_menus_materials_and_panels_come_from_the_file():
 
 
 def test_instances_become_faces_and_the_object_names_what_has_no_material(blends):
-    small, large = built(adopt(blends / "instances.blend").path, {"size": 1.0}, {"size": 2.0})
+    small, large = built(import_blend(blends / "instances.blend").path, {"size": 1.0}, {"size": 2.0})
     assert set(small.part_names) == {"red", "Row"}
     assert len(small.faces) == 4 * 12
     assert (small.side, large.side) == (pytest.approx(5), pytest.approx(6))
 
 
 def test_what_is_hidden_in_the_file_is_built_where_it_stands(blends):
-    (mesh,) = built(adopt(blends / "unseen.blend").path, {"size": 1.0})
+    (mesh,) = built(import_blend(blends / "unseen.blend").path, {"size": 1.0})
     np.testing.assert_allclose(mesh.bounds, [[-0.5, -1, 4.5], [0.5, 1, 5.5]], atol=1e-6)
     a, b, c = (mesh.vertices[mesh.faces[:, i]] - mesh.centre for i in range(3))
     assert (np.einsum("ij,ij->i", a, np.cross(b, c)) > 0).all(), "a mirrored object has its faces outwards"
@@ -134,7 +134,7 @@ def test_what_has_no_limits_is_named_with_an_example(capsys, blends):
 
 def test_what_has_no_limits_is_asked_for_on_a_terminal(blends):
     asked = []
-    found = adopt(blends / "kinds.blend", ask=lambda question: asked.append(question) or "0:2")
+    found = import_blend(blends / "kinds.blend", ask=lambda question: asked.append(question) or "0:2")
     assert [question.split(" has")[0] for question in asked] == ["size", "Turn x", "Turn y", "Turn z"]
     assert asked[1].endswith("Lowest:highest in °? ")
     assert load_generator(str(found.path)).space["turn_z"].high == 2
@@ -201,11 +201,11 @@ def test_blender_that_stops_hangs_or_is_missing_gets_a_sentence(capsys, blends, 
 
 
 def test_one_of_several_objects_is_chosen_by_name(blends):
-    assert adopt(blends / "two.blend", "Second").parameters == ["size"]
+    assert import_blend(blends / "two.blend", "Second").parameters == ["size"]
 
 
 def test_nothing_in_the_file_runs(blends, made):
-    (mesh,) = built(adopt(blends / "trap.blend").path, {"size": 1.0})
+    (mesh,) = built(import_blend(blends / "trap.blend").path, {"size": 1.0})
     assert mesh.side == pytest.approx(1)
     assert not list(made.glob("*-ran"))
     with_scripts = f"import bpy; bpy.ops.wm.open_mainfile(filepath={str(blends / 'trap.blend')!r}, use_scripts=True)"
@@ -229,7 +229,7 @@ def test_an_existing_file_is_not_overwritten(capsys, blends):
 
 def test_the_file_may_lie_elsewhere_and_both_may_be_moved(blends, tmp_path, monkeypatch):
     (tmp_path / "generators").mkdir()
-    found = adopt(blends / "instances.blend", output=tmp_path / "generators" / "row.toml")
+    found = import_blend(blends / "instances.blend", output=tmp_path / "generators" / "row.toml")
     assert 'blend = "../blends/instances.blend"' in found.path.read_text()
     moved = shutil.move(tmp_path / "generators", tmp_path / "blends" / "own")
     shutil.move(blends / "instances.blend", blends / "own" / "instances.blend")
@@ -241,7 +241,7 @@ def test_the_file_may_lie_elsewhere_and_both_may_be_moved(blends, tmp_path, monk
 
 
 def test_a_changed_or_lost_blender_file_gets_a_sentence(capsys, blends):
-    toml = adopt(blends / "instances.blend").path
+    toml = import_blend(blends / "instances.blend").path
     shutil.copy(blends / "unseen.blend", blends / "instances.blend")
     said = sentence(capsys, "sample", toml, "-o", blends / "row.glb")
     assert "instances.blend has changed since this file was written" in said
@@ -270,7 +270,7 @@ def test_a_changed_or_lost_blender_file_gets_a_sentence(capsys, blends):
     ],
 )
 def test_a_broken_declaration_names_the_file_and_the_fault(capsys, blends, before, after, expected):
-    toml = adopt(blends / "instances.blend").path
+    toml = import_blend(blends / "instances.blend").path
     assert before in toml.read_text()
     toml.write_text(toml.read_text().replace(before, after))
     said = sentence(capsys, "sample", toml, "-o", blends / "row.glb")
@@ -279,7 +279,7 @@ def test_a_broken_declaration_names_the_file_and_the_fault(capsys, blends, befor
 
 
 def test_an_input_that_is_not_there_fails_one_build(capsys, blends):
-    toml = adopt(blends / "instances.blend").path
+    toml = import_blend(blends / "instances.blend").path
     toml.write_text(toml.read_text().replace('input = "Socket_1"', 'input = "Socket_7"'))
     assert "The modifier has no input 'Socket_7'" in sentence(capsys, "sample", toml, "-o", blends / "row.glb")
 

@@ -1,7 +1,7 @@
-"""Procedural materials baked to maps with Cycles; runs in a child process.
+"""Procedural materials baked to texture maps with Cycles; it runs in a child process.
 
-What a shader has for a channel (base colour, roughness, metallic) is sent out as light in its place: Cycles' own passes
-mix a metal's colour with its reflections.
+The value of a shader for a channel (base colour, roughness, metallic) is emitted as light in place of the shader,
+because Cycles' own passes mix the colour of a metal with its reflections.
 """
 
 from __future__ import annotations
@@ -16,20 +16,23 @@ from dipcg.blender.scene import Report, new_object, start_cycles
 from dipcg.mesh import Mesh
 from dipcg.surface import Maps, corner_normals
 
-SAMPLES = 4  # of each texel; nothing is random but the place within it
+# Samples of a texel, of which only the place within it is random.
+SAMPLES = 4
+# Faces at a larger angle are in different islands of the map.
 ISLAND_ANGLE_DEG = 66.0
-MIXED = {"Factor": 0, "A": 6, "B": 7, "Result": 2}  # Blender's mix node has these sockets once for each type of data
+# The sockets for colours of Blender's mix node, which has a set of sockets for each type of data.
+MIXED = {"Factor": 0, "A": 6, "B": 7, "Result": 2}
 
 
 @dataclass(frozen=True)
 class Channel:
-    """Where shaders keep it, and its value where a shader has none."""
+    """The inputs of shaders for a channel of the maps, and its value for a shader without any of them."""
 
     inputs: tuple[str, ...]
     missing: float
 
     def value(self, node: Any) -> float:
-        """For a shader without this input."""
+        """The value for a shader without these inputs."""
         return float(node.type == "BSDF_GLOSSY") if "Metallic" in self.inputs else self.missing
 
 
@@ -95,7 +98,7 @@ def _bake(obj: Any, name: str, size: int) -> np.ndarray:
 
 
 def _send_out(tree: Any, channel: Channel, name: str) -> None:
-    """Give the material's surface the light of its channel; the shader itself stays in the tree, unlinked."""
+    """Link an emission of the channel to the surface of a material; the shader stays in the tree, unlinked."""
     output = _output(tree)
     light = tree.nodes.new("ShaderNodeEmission")
     shader = _shader(tree) if "shader" in tree else _linked(output.inputs["Surface"])
@@ -111,7 +114,7 @@ def _restore(tree: Any) -> None:
 
 
 def _shader(tree: Any) -> Any:
-    """The socket that was linked to the material's surface at first."""
+    """The socket that was linked to the surface of the material before."""
     return tree.nodes[tree["shader"]].outputs[tree["socket"]]
 
 
@@ -120,7 +123,7 @@ def _output(tree: Any) -> Any:
 
 
 def _feed(tree: Any, shader: Any, channel: Channel, name: str, target: Any) -> None:
-    """Link to `target` what the shader at a socket has for a channel: through mixes and groups, to its input."""
+    """Link the value of the shader at a socket for a channel to `target`, through mixes and groups."""
     node = shader.node if shader else None
     if node is None:
         target.default_value = (channel.missing,) * 3 + (1.0,)
@@ -131,44 +134,44 @@ def _feed(tree: Any, shader: Any, channel: Channel, name: str, target: Any) -> N
     elif node.type == "GROUP":
         _feed_from_group(tree, node, list(node.outputs).index(shader), channel, name, target)
     else:
-        given = next((node.inputs[key] for key in channel.inputs if key in node.inputs), None)
-        _copy(tree, given, channel.value(node), target)
+        socket = next((node.inputs[key] for key in channel.inputs if key in node.inputs), None)
+        _copy(tree, socket, channel.value(node), target)
 
 
 def _feed_mixed(tree: Any, node: Any, channel: Channel, name: str, target: Any) -> None:
     mix = tree.nodes.new("ShaderNodeMix")
     mix.data_type = "RGBA"
     _copy(tree, node.inputs[0], 0.5, mix.inputs[MIXED["Factor"]])
-    for given, into in zip(node.inputs[1:3], ("A", "B"), strict=True):
-        _feed(tree, _linked(given), channel, name, mix.inputs[MIXED[into]])
+    for shader, into in zip(node.inputs[1:3], ("A", "B"), strict=True):
+        _feed(tree, _linked(shader), channel, name, mix.inputs[MIXED[into]])
     tree.links.new(mix.outputs[MIXED["Result"]], target)
 
 
 def _feed_from_group(tree: Any, node: Any, index: int, channel: Channel, name: str, target: Any) -> None:
     inner = node.node_tree
-    end = next(found for found in inner.nodes if found.type == "GROUP_OUTPUT" and found.is_active_output)
+    end = next(one for one in inner.nodes if one.type == "GROUP_OUTPUT" and one.is_active_output)
     if name not in end.inputs:
         inner.interface.new_socket(name, in_out="OUTPUT", socket_type="NodeSocketColor")
         _feed(inner, _linked(end.inputs[index]), channel, name, end.inputs[name])
     tree.links.new(node.outputs[name], target)
 
 
-def _copy(tree: Any, given: Any, missing: float, target: Any) -> None:
-    """Link to `target` what is linked to an input, or give it the same value."""
-    value: Any = missing if given is None else given.default_value
-    if given is not None and given.is_linked:
-        tree.links.new(_linked(given), target)
+def _copy(tree: Any, socket: Any, missing: float, target: Any) -> None:
+    """Link to `target` the socket that is linked to an input, or give it the same value."""
+    value: Any = missing if socket is None else socket.default_value
+    if socket is not None and socket.is_linked:
+        tree.links.new(_linked(socket), target)
     elif hasattr(target.default_value, "__len__"):
         target.default_value = tuple(value) if hasattr(value, "__len__") else (value, value, value, 1.0)
     else:
         target.default_value = value
 
 
-def _linked(given: Any) -> Any:
-    return given.links[0].from_socket if given.is_linked else None
+def _linked(socket: Any) -> Any:
+    return socket.links[0].from_socket if socket.is_linked else None
 
 
 def _srgb(linear: np.ndarray) -> np.ndarray:
-    """Light in [0, 1] with the curve of sRGB (IEC 61966-2-1)."""
+    """Linear light in [0, 1] as sRGB (IEC 61966-2-1)."""
     light = np.clip(linear, 0, 1)
     return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)

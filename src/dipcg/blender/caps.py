@@ -1,7 +1,7 @@
-"""Flat ends of a solid made anew from the rings that they should meet.
+"""Flat ends of a solid, made again from the rings that they should meet.
 
-Infinigen fills a table's top from a curve that it samples anew, so the fill's corners lie between those of the rim: the
-surface looks closed and has a slit all around.
+Infinigen fills a table's top from a curve that it samples again, so the corners of the fill lie between those of the
+rim: the surface looks closed, and has a slit all around.
 """
 
 from __future__ import annotations
@@ -13,12 +13,14 @@ from jaxtyping import Float, Int
 
 from dipcg.blender.infinigen import Piece
 
-SAME = 1e-6  # metres within which two corners are one
-FLAT = 1e-5  # metres from the lowest or highest place within which a face lies in an end
+# Vertices within this distance in metres are one.
+SAME = 1e-6
+# A face within this distance in metres of the lowest or highest place belongs to an end.
+FLAT = 1e-5
 
 
 def recapped(piece: Piece) -> Piece:
-    """The piece with its lowest and highest level faces made anew over the rings around them; closed then."""
+    """The piece, closed: its lowest and highest level faces are made again over the rings around them."""
     part, vertices, faces = _welded(piece)
     height = vertices[faces, 2]
     level = (height < height.min() + FLAT).all(1) | (height > height.max() - FLAT).all(1)

@@ -1,4 +1,4 @@
-"""The TOML file that makes a Blender file a generator: written by `dipcg generators add`, edited by people."""
+"""The TOML file that makes a generator of a Blender file: `dipcg generators add` writes it, and people edit it."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ from typing import Any
 from dipcg.mesh import Mesh
 from dipcg.space import Choice, Parameter, ParameterSpace, Params, Real, Value, did_you_mean
 
-Setting = tuple[str, str, Value]  # socket identifier, component, value: as _geometry_nodes has them
+# The identifier of a socket, a component, and a value, as in `geometry_nodes`.
+Setting = tuple[str, str, Value]
 
-MOST_OPTIONS = 16  # an integer of more values is a rounded real: that many unordered options would be hard to learn
+# An integer of more values is a rounded real, because so many unordered options would be hard to learn.
+MAX_OPTIONS = 16
 TOP = ("doc", "blend", "object", "sha256", "mirrors", "parameters")
 KEYS = ("input", "component", "kind", "low", "high", "options", "unit", "group", "doc", "default", "when")
 KINDS = ("real", "integer", "boolean", "menu")
@@ -31,7 +33,7 @@ HEADER = """\
 
 
 def read_declaration(path: Path) -> SimpleNamespace:
-    """What a Python file of a generator would define (`space`, `build`, …), from a TOML file.
+    """The names that a Python file of a generator defines (`space`, `build`, …), from a TOML file.
 
     Raises LookupError when the file is not there and ValueError with a sentence when it or its Blender file cannot be
     used.
@@ -40,12 +42,13 @@ def read_declaration(path: Path) -> SimpleNamespace:
         raise LookupError(f"There is no file {path} (looked for in {Path.cwd()}).")
     try:
         return _declared(tomllib.loads(path.read_text(encoding="utf-8")), path)
-    except ValueError as error:  # of UTF-8 and TOML too
+    except ValueError as error:
+        # Errors of UTF-8 and of TOML are ValueErrors too.
         raise ValueError(f"{path}: {error}") from None
 
 
 def live_settings(path: Path, params: Params) -> tuple[str, str, list[Setting]]:
-    """The Blender file of a declaration, the name of the object, and what its modifier's inputs become.
+    """The Blender file of a declaration, the name of the object, and the settings of its modifier's inputs.
 
     Raises as `read_declaration` does.
     """
@@ -60,7 +63,7 @@ def digest(blend: Path) -> str:
 
 
 def write_declaration(top: Mapping[str, Any], parameters: Mapping[str, Mapping[str, Any]], path: Path) -> str:
-    """The TOML text of a declaration; `path` is where it will lie."""
+    """The TOML text of a declaration; `path` is the file that it is for."""
     lines = [HEADER.format(path=path, stem=path.stem), *(f"{key} = {_toml(value)}" for key, value in top.items())]
     for name, entry in parameters.items():
         lines += ["", f"[parameters.{name if name.isascii() else _toml(name)}]"]
@@ -104,11 +107,11 @@ def _settings(places: dict[str, tuple[str, str]], params: Params) -> list[Settin
 def _unchanged(blend: Path, expected: str) -> Path:
     if not blend.is_file():
         raise ValueError(f"its Blender file {blend} is not there; correct the line `blend`.")
-    found = digest(blend)
-    if found != expected:
+    actual = digest(blend)
+    if actual != expected:
         raise ValueError(
             f"{blend} has changed since this file was written, so its inputs may be others. Write a new one with "
-            f'`dipcg generators add {blend}`, or if they are the same, put sha256 = "{found}" here.'
+            f'`dipcg generators add {blend}`, or if they are the same, put sha256 = "{actual}" here.'
         )
     return blend.resolve()
 
@@ -125,7 +128,7 @@ def _parameter(name: str, entry: dict[str, Any]) -> Parameter:
     if entry["kind"] not in KINDS:
         raise ValueError(f"{name}: the kind is one of {', '.join(KINDS)}, got {entry['kind']!r}.")
     low, high = _limits(name, entry)
-    if entry["kind"] == "integer" and 1 <= high - low < MOST_OPTIONS:
+    if entry["kind"] == "integer" and 1 <= high - low < MAX_OPTIONS:
         return Choice(name, tuple(range(round(low), round(high) + 1)), **shared)
     if "default" in shared:
         shared["default"] = float(shared["default"])
@@ -139,19 +142,19 @@ def _limits(name: str, entry: dict[str, Any]) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _check_keys(entry: Any, known: tuple[str, ...], needed: tuple[str, ...], where: str) -> None:
+def _check_keys(entry: Any, allowed: tuple[str, ...], needed: tuple[str, ...], where: str) -> None:
     if not isinstance(entry, dict):
         raise ValueError(f"{where} must be a table, got {entry!r}.")
     for key in entry:
-        if key not in known:
-            raise ValueError(f"{where} has an unknown key {key!r}.{did_you_mean(key, list(known))}")
+        if key not in allowed:
+            raise ValueError(f"{where} has an unknown key {key!r}.{did_you_mean(key, list(allowed))}")
     missing = [key for key in needed if key not in entry]
     if missing:
         raise ValueError(f"{where} lacks {', '.join(missing)}; write it with `dipcg generators add`.")
 
 
 def _toml(value: Any) -> str:
-    """A value in TOML, which for these is JSON but for one character; reals without the noise of single precision."""
+    """A value in TOML, which differs from JSON here in one character; reals have the digits of single precision."""
     if isinstance(value, float):
         return f"{value:.7g}"
     if isinstance(value, (list, tuple)):

@@ -1,6 +1,6 @@
 """A Geometry Nodes modifier of a Blender file, as a table of its inputs and as a function of them.
 
-Runs in child processes, where Blender is. Nothing in the file is executed, neither scripts nor Python drivers, and
+It runs in child processes with Blender. Nothing in the file is executed, neither scripts nor Python drivers, and
 nothing outside it is read.
 """
 
@@ -27,11 +27,14 @@ CASTS = {"real": float, "integer": round, "boolean": bool, "vector": float}
 ANGLES = ("ANGLE", "EULER")
 UNITS = {"DISTANCE": "m", "TRANSLATION": "m", "PERCENTAGE": "%", "FACTOR": "share", "TIME": "s", "TIME_ABSOLUTE": "s"}
 UNITS |= dict.fromkeys(ANGLES, "°")
-ENDLESS = 1e4  # Blender's own default limits are this or more
+# Limits of this or more count as none; Blender's own defaults are so large.
+ENDLESS = 1e4
 COMPONENTS = "xyz"
-MAGIC = (b"BLENDER", b"\x28\xb5\x2f\xfd", b"\x1f\x8b")  # plain, Zstandard, gzip
+# The first bytes of a Blender file: plain, compressed by Zstandard, and by gzip.
+MAGIC = (b"BLENDER", b"\x28\xb5\x2f\xfd", b"\x1f\x8b")
 
-Setting = tuple[str, str, Value]  # socket identifier, component ("" of what is no vector), value
+# The identifier of a socket, a component, which is "" unless the input is a vector, and a value.
+Setting = tuple[str, str, Value]
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,8 @@ class Graph:
     layer: Any
 
 
-@lru_cache(maxsize=1)  # Blender holds one file at a time
+# Blender has one file open at a time.
+@lru_cache(maxsize=1)
 def open_graph(path: str, name: str = "") -> Graph:
     """Open a Blender file at the object of this name, or at its only one with a Geometry Nodes modifier.
 
@@ -55,7 +59,7 @@ def open_graph(path: str, name: str = "") -> Graph:
 
 
 def describe(path: str, name: str = "") -> dict[str, Any]:
-    """What `dipcg generators add` needs to know: the object, its inputs, and which of them are left out and why.
+    """The description for `dipcg generators add`: the object, its inputs, and the inputs that are left out and why.
 
     Raises ValueError with a sentence when the file cannot be used, or gives no faces with its own values.
     """
@@ -112,7 +116,7 @@ def _open(path: str, name: str) -> Any:
 
 
 def _reason(error: RuntimeError) -> str:
-    """What a failed operator says, without its frame."""
+    """The message of a failed operator, without its prefix."""
     return str(error).strip().splitlines()[-1].removeprefix("Error: ").rstrip(".")
 
 
@@ -124,7 +128,7 @@ def _check_magic(path: str) -> None:
 
 
 def _check_links(path: str) -> None:
-    """Refuse data of other files: what they hold may change, or not be there."""
+    """Refuse data of other files, which may change or be missing."""
     import bpy
 
     data = bpy.data
@@ -142,20 +146,21 @@ def _check_links(path: str) -> None:
 def _find(path: str, name: str) -> Any:
     import bpy
 
-    found = {obj.name: obj for obj in bpy.data.objects if _modifiers(obj)}
+    usable = {obj.name: obj for obj in bpy.data.objects if _modifiers(obj)}
     if name and name not in bpy.data.objects:
         raise ValueError(f"{path} has no object {name!r}.{did_you_mean(name, [o.name for o in bpy.data.objects])}")
-    if name and name not in found:
-        raise ValueError(f"The object {name!r} in {path} has no Geometry Nodes modifier. {_some(found)}")
-    if not found:
+    if name and name not in usable:
+        raise ValueError(f"The object {name!r} in {path} has no Geometry Nodes modifier. {_some(usable)}")
+    if not usable:
         raise ValueError(f"No object in {path} has a Geometry Nodes modifier, whose inputs would be the parameters.")
-    if not name and len(found) > 1:
-        raise ValueError(f"{path} has several objects with Geometry Nodes: {', '.join(found)}. Name one with --object.")
-    return found[name or next(iter(found))]
+    if not name and len(usable) > 1:
+        names = ", ".join(usable)
+        raise ValueError(f"{path} has several objects with Geometry Nodes: {names}. Name one with --object.")
+    return usable[name or next(iter(usable))]
 
 
-def _some(found: dict[str, Any]) -> str:
-    return f"These have one: {', '.join(found)}." if found else "No object in it has one."
+def _some(usable: dict[str, Any]) -> str:
+    return f"These have one: {', '.join(usable)}." if usable else "No object in it has one."
 
 
 def _modifiers(obj: Any) -> list[Any]:
@@ -204,7 +209,7 @@ def _why_not(item: Any, kind: str) -> str:
 
 
 def _menu(modifier: Any, item: Any) -> dict[str, int]:
-    """The names of a menu's items and the numbers that Blender keeps for them."""
+    """The names of a menu's items and their numbers in Blender."""
     shown = modifier.id_properties_ui(item.identifier).as_dict()
     return {name: number for _, name, _, _, number in shown.get("items", ())}
 
@@ -238,7 +243,7 @@ def _set_inputs(modifier: Any, settings: Iterable[Setting]) -> None:
 
 
 def _set(modifier: Any, item: Any, component: str, value: Value) -> None:
-    """Give an input a value of exactly the type it has: Blender takes any other for nothing."""
+    """Give an input a value of exactly its own type, because Blender ignores any other."""
     kind, identifier = KINDS[item.socket_type.removeprefix("NodeSocket")], item.identifier
     subtype = getattr(item, "subtype", "EULER")
     if f"{identifier}_use_attribute" in modifier:
@@ -270,7 +275,7 @@ def _read(mesh: Any, matrix: np.ndarray, name: str) -> Mesh:
 
 
 def _parts(mesh: Any, slots: np.ndarray, name: str) -> tuple[tuple[str, ...], np.ndarray]:
-    """The names of the parts that have faces, and the part of each face; the object names what has no material."""
+    """The names of the parts that have faces, and the part of each face; without material it has the object's name."""
     named = dict(enumerate(material.name if material else name for material in mesh.materials))
     used = {int(slot): named.get(int(slot), name) for slot in np.unique(slots)}
     parts = tuple(dict.fromkeys(used.values()))
@@ -279,7 +284,8 @@ def _parts(mesh: Any, slots: np.ndarray, name: str) -> tuple[tuple[str, ...], np
     return parts, part_of[slots]
 
 
-def _answer(path: str, name: str) -> dict[str, Any]:
+def _description(path: str, name: str) -> dict[str, Any]:
+    """The description of a file, or the message of an error in its place."""
     try:
         with silence():
             return describe(path, name)
@@ -287,6 +293,8 @@ def _answer(path: str, name: str) -> dict[str, Any]:
         return {"error": str(error)}
 
 
-if __name__ == "__main__":  # `python -m dipcg.blender.geometry_nodes FILE [OBJECT]`: the description, or why not
-    print(json.dumps(_answer(str(Path(sys.argv[1])), "".join(sys.argv[2:]))), flush=True)
-    os._exit(0)  # Blender's own shutdown is slow and sometimes crashes
+# `python -m dipcg.blender.geometry_nodes FILE [OBJECT]` prints the description as JSON.
+if __name__ == "__main__":
+    print(json.dumps(_description(str(Path(sys.argv[1])), "".join(sys.argv[2:]))), flush=True)
+    # Blender's own shutdown is slow and sometimes crashes.
+    os._exit(0)

@@ -1,4 +1,4 @@
-"""A Blender file becomes a generator: its inputs are read in a child process and written down as parameters."""
+"""A generator from a Blender file: its inputs are read in a child process and written to a TOML file as parameters."""
 
 from __future__ import annotations
 
@@ -25,39 +25,40 @@ Ranges = Mapping[str, str]
 
 
 @dataclass(frozen=True)
-class Adopted:
-    """The file that was written, the names of its parameters, and which inputs are left out and why."""
+class Imported:
+    """The TOML file, the names of its parameters, and the inputs that are left out and why."""
 
     path: Path
     parameters: list[str]
     left_out: dict[str, str]
 
 
-def adopt(
+def import_blend(
     blend: Path,
     name: str = "",
     ranges: Ranges | None = None,
     output: Path | None = None,
     ask: Callable[[str], str] | None = None,
-) -> Adopted:
-    """Write the TOML file that makes an object of a Blender file a generator.
+) -> Imported:
+    """Write the TOML file that makes a generator of an object in a Blender file.
 
-    `ranges` has "low:high" by name of an input or parameter; for what is still without limits, `ask` is called with a
-    question. Raises ValueError with a sentence that names what is missing, and OSError when a file cannot be used.
+    `ranges` has "low:high" by name of an input or parameter; for inputs that are still without limits, `ask` is called
+    with a question. Raises ValueError with a sentence that says what is missing, and OSError when a file cannot be
+    used.
     """
     path = _free(output or blend.with_suffix(".toml"))
-    found = read_inputs(blend, name)
-    entries, left_out = _numbered(found["inputs"]), dict(found["skipped"])
+    graph = read_inputs(blend, name)
+    entries, left_out = _numbered(graph["inputs"]), dict(graph["skipped"])
     _set_limits(entries, ranges or {}, ask, blend)
     for key in [key for key, entry in entries.items() if entry["kind"] in NUMBERS and entry["low"] == entry["high"]]:
         left_out[entries.pop(key)["name"]] = "its lowest value is its highest"
     if not entries:
-        raise ValueError(f"{blend}: no input of {found['object']!r} can be a parameter ({_listed(left_out)}).")
+        raise ValueError(f"{blend}: no input of {graph['object']!r} can be a parameter ({_listed(left_out)}).")
     inside = Path(os.path.relpath(blend.resolve(), path.parent.resolve())).as_posix()
-    top = {"doc": f"{found['object']}, the Geometry Nodes of {blend.name}.", "blend": inside}
-    top |= {"object": found["object"], "sha256": digest(blend)}
+    top = {"doc": f"{graph['object']}, the Geometry Nodes of {blend.name}.", "blend": inside}
+    top |= {"object": graph["object"], "sha256": digest(blend)}
     _write(path, write_declaration(top, entries, path))
-    return Adopted(path, list(entries), left_out)
+    return Imported(path, list(entries), left_out)
 
 
 def read_inputs(blend: Path, name: str = "") -> dict[str, Any]:
@@ -111,10 +112,11 @@ def _identifier(name: str) -> str:
 
 
 def _set_limits(entries: dict[str, Entry], ranges: Ranges, ask: Callable[[str], str] | None, blend: Path) -> None:
-    """Apply what was given, ask for what is missing, and drop defaults that lie outside."""
+    """Apply the ranges, ask for those that are missing, and remove defaults that lie outside."""
     _check_names(ranges, entries, blend)
     for name, entry in entries.items():
-        for key in [key for key in (name, entry["name"], entry["of"]) if key in ranges][:1]:  # shift_x before Shift
+        # A parameter's own range counts before that of its input: shift_x before Shift.
+        for key in [key for key in (name, entry["name"], entry["of"]) if key in ranges][:1]:
             _narrow(entry, key, ranges[key])
     if ask:
         for entry in _endless(entries).values():
@@ -129,10 +131,10 @@ def _set_limits(entries: dict[str, Entry], ranges: Ranges, ask: Callable[[str], 
 
 
 def _check_names(ranges: Ranges, entries: dict[str, Entry], blend: Path) -> None:
-    known = {key for name, entry in entries.items() for key in (entry["of"], entry["name"], name)}
+    names = {key for name, entry in entries.items() for key in (entry["of"], entry["name"], name)}
     for key in ranges:
-        if key not in known:
-            raise ValueError(f"There is no input {key!r} in {blend}.{did_you_mean(key, sorted(known))}")
+        if key not in names:
+            raise ValueError(f"There is no input {key!r} in {blend}.{did_you_mean(key, sorted(names))}")
 
 
 def _endless(entries: dict[str, Entry]) -> dict[str, Entry]:
@@ -168,7 +170,7 @@ def _free(path: Path) -> Path:
 
 
 def _write(path: Path, text: str) -> None:
-    """Write the file, and take it away again if it cannot be read back."""
+    """Write the file, and delete it again if it cannot be read."""
     path.write_text(text, encoding="utf-8")
     try:
         read_declaration(path)

@@ -1,4 +1,4 @@
-"""What the adapters over Infinigen share: a silent import, fixed draws, a clean Blender, meshes as arrays.
+"""Functions for the adapters over Infinigen: a silent import, fixed draws, a clean Blender, meshes as arrays.
 
 Every function here runs in a worker process, the only place where Blender is imported.
 """
@@ -21,21 +21,21 @@ Piece = tuple[str, np.ndarray, np.ndarray]
 
 @contextlib.contextmanager
 def silence() -> Iterator[None]:
-    """Send everything written to file descriptors 1 and 2 to nowhere; Blender writes from C."""
-    kept = [os.dup(1), os.dup(2)]
+    """Discard everything that is written to file descriptors 1 and 2; Blender writes from C."""
+    copies = [os.dup(1), os.dup(2)]
     with open(os.devnull, "wb") as nowhere:
         os.dup2(nowhere.fileno(), 1)
         os.dup2(nowhere.fileno(), 2)
     try:
         yield
     finally:
-        for target, saved in zip((1, 2), kept, strict=True):
+        for target, saved in zip((1, 2), copies, strict=True):
             os.dup2(saved, target)
             os.close(saved)
 
 
 def import_infinigen(module: str) -> ModuleType:
-    """Import a module of Infinigen without its chatter or its attempts to reach the network."""
+    """Import a module of Infinigen without its output and without access to the network."""
     with silence(), _one_thread():
         import bpy
 
@@ -46,7 +46,7 @@ def import_infinigen(module: str) -> ModuleType:
 
 @contextlib.contextmanager
 def _one_thread() -> Iterator[None]:
-    """Let Blender count one processor while it starts: its threads cost a chair a fifth more than they save."""
+    """Let Blender count one processor while it starts: its threads cost more processor time than they save."""
     if not hasattr(os, "sched_setaffinity"):
         yield
         return
@@ -72,7 +72,7 @@ def replaced(target: Any, **replacements: Any) -> Iterator[None]:
 
 
 def middle(low: float = 0.0, high: float = 1.0, size: Any = None) -> Any:
-    """Stands in for `uniform` where a factory draws while it builds: the middle of the range."""
+    """Replaces `uniform` where a factory draws while it builds: the middle of the range."""
     value = (np.asarray(low) + np.asarray(high)) / 2
     return float(value) if size is None and value.ndim == 0 else np.broadcast_to(value, size or value.shape).copy()
 
@@ -90,7 +90,7 @@ def coarse_modifiers(butil: ModuleType, segments: int = 2) -> Any:
 
 
 def clean_blender() -> None:
-    """Remove all that earlier builds left behind, or Blender becomes slower with each one."""
+    """Remove all data of earlier builds, because Blender becomes slower with each one."""
     import bpy
 
     data = bpy.data
@@ -99,9 +99,9 @@ def clean_blender() -> None:
 
 
 def graph_object(graph: Any) -> Any:
-    """An object whose surface is what a node graph makes, evaluated anew when a value in the graph has changed.
+    """An object whose surface a node graph makes; it is evaluated again when a value in the graph has changed.
 
-    Infinigen builds a graph for each asset; to build it once and set other values takes a tenth of the time.
+    Infinigen builds a graph for each asset. Building it once and setting other values takes a tenth of the time.
     """
     import bpy
 
@@ -112,15 +112,15 @@ def graph_object(graph: Any) -> Any:
 
 
 def new_graph(function: Any, inputs: dict[str, type], **fixed: Any) -> Any:
-    """The node graph that a function of Infinigen makes, where it takes `inputs` by name, as one with those inputs."""
+    """The node graph that a function of Infinigen makes; its arguments in `inputs` become inputs of the graph."""
     import bpy
     from infinigen.core.nodes.node_wrangler import Nodes, NodeWrangler
 
     graph = bpy.data.node_groups.new(function.__name__, "GeometryNodeTree")
     wrangler = NodeWrangler(graph)
     sockets = [("NodeSocketInt" if kind is int else "NodeSocketFloat", name, kind(0)) for name, kind in inputs.items()]
-    given = wrangler.new_node(Nodes.GroupInput, expose_input=sockets)
-    function(wrangler, **{name: given.outputs[name] for name in inputs}, **fixed)
+    entry = wrangler.new_node(Nodes.GroupInput, expose_input=sockets)
+    function(wrangler, **{name: entry.outputs[name] for name in inputs}, **fixed)
     return graph
 
 
@@ -141,7 +141,7 @@ def set_node(node: Any, values: dict[str, Any]) -> None:
 
 
 def evaluated(obj: Any) -> Any:
-    """The object as its modifiers make it; to be read before Blender evaluates again."""
+    """The object after its modifiers; it must be read before Blender evaluates again."""
     import bpy
 
     return obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
@@ -159,7 +159,7 @@ def find_node(graph: Any, name: str) -> Any:
 
 
 def read_socket(part: str, obj: Any, socket: Any) -> Piece:
-    """What a socket within the graph of a `graph_object` gives, read in place of what the whole graph makes."""
+    """The geometry at a socket within the graph of a `graph_object`, in place of the output of the whole graph."""
     graph = graph_of(obj)
     shown = graph.nodes.get("shown") or graph.nodes.new("GeometryNodeRealizeInstances")
     shown.name = "shown"

@@ -1,4 +1,4 @@
-"""Infinigen's procedural materials for the parts of our meshes; runs in a worker process, where Blender is."""
+"""Infinigen's procedural materials for the parts of our meshes; it runs in a child process with Blender."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from dipcg.blender.infinigen import import_infinigen, silence
 
-# What each part is made of: the first pattern that is found in "generator/part" names the family.
+# The family of each part's material: that of the first pattern which matches in "generator/part".
 PARTS = (
     ("^chair/seat$", "upholstery"),
     ("^table/top$", "table top"),
@@ -21,7 +21,7 @@ PARTS = (
     ("^flower/centre$", "flower centre"),
     ("^dandelion/stem$", "green"),
     ("^dandelion/", "white"),
-    # Other generators, by the words in their parts' names
+    # Parts of other generators, by words in their names.
     ("wood|plank|timber|oak", "wood"),
     ("metal|steel|iron|brass|chrome|copper", "metal"),
     ("fabric|cloth|shade|cushion|textile|seat|leather", "upholstery"),
@@ -29,9 +29,10 @@ PARTS = (
     ("leaf|leaves|stem|grass|green", "green"),
     ("petal|flower", "petal"),
 )
-NEUTRAL = "plastic"  # what no pattern names
+# The family of a part that no pattern matches.
+NEUTRAL = "plastic"
 
-# One of each family is drawn, the same for all parts of a family; Infinigen's own weights are about the same.
+# One material of each family is drawn, the same for all its parts, with about Infinigen's own weights.
 FAMILIES = {
     "frame": ("materials.wood:Wood", "materials.wood:Wood", "materials.wood:BlondePlywood")
     + ("materials.wood:BlackPlywood", "materials.metal:BrushedMetal", "materials.plastic:PlasticRough"),
@@ -52,7 +53,7 @@ FAMILIES = {
 
 
 def family(generator: str, part: str) -> str:
-    """What a part is made of, by its name and the name or path of its generator."""
+    """The family of a part's material, from its name and the name or path of its generator."""
     name = f"{Path(generator).stem}/{part}".lower()
     return next((kind for pattern, kind in PARTS if re.search(pattern, name)), NEUTRAL)
 
@@ -69,7 +70,8 @@ def _draw(kind: str, seed: int) -> Any:
     from infinigen.core import surface
     from infinigen.core.util.math import FixedSeed
 
-    rng = np.random.default_rng([seed, *kind.encode()])  # a seat's colour says nothing of the legs'
+    # Each family draws on its own, so that the colour of a seat does not decide that of the legs.
+    rng = np.random.default_rng([seed, *kind.encode()])
     module, name = str(rng.choice(FAMILIES[kind])).split(":")
     with FixedSeed(int(rng.integers(2**31))):
         maker = getattr(import_infinigen(f"infinigen.assets.{module}"), name)

@@ -1,4 +1,4 @@
-"""Fewer points on the lines that Infinigen cuts every few millimetres, for light builds."""
+"""Fewer points on lines for light builds; Infinigen puts one every few millimetres."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
-CORNER = 0.02  # one minus the cosine of a turn that stays, 11°
+# One minus the cosine of the least turn that stays, 11°.
+CORNER = 0.02
 
 
-def every_other_point(obj: Any, kept_y: float | None = None, near: float = 0.025) -> Any:
-    """Drop every other point of a line, but for its corners and ends and what lies within `near` metres of `kept_y`."""
+def every_other_point(obj: Any, full_y: float | None = None, near: float = 0.025) -> Any:
+    """Remove every other point of a line; corners, ends and points within `near` metres of `full_y` stay."""
     mesh = obj.data
     points = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.vertices.foreach_get("co", points)
@@ -18,12 +19,12 @@ def every_other_point(obj: Any, kept_y: float | None = None, near: float = 0.025
     steps = np.diff(points, axis=0)
     unit = steps / np.linalg.norm(steps, axis=1, keepdims=True)
     turns = np.r_[1, 1 - (unit[1:] * unit[:-1]).sum(1), 1]
-    kept = turns > CORNER
-    kept[::2] = True
-    if kept_y is not None:
-        kept |= np.abs(points[:, 1] - kept_y) < near
+    stays = turns > CORNER
+    stays[::2] = True
+    if full_y is not None:
+        stays |= np.abs(points[:, 1] - full_y) < near
     mesh.clear_geometry()
-    mesh.from_pydata(points[kept], [(i, i + 1) for i in range(kept.sum() - 1)], [])
+    mesh.from_pydata(points[stays], [(i, i + 1) for i in range(stays.sum() - 1)], [])
     return obj
 
 

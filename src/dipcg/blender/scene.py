@@ -1,4 +1,4 @@
-"""Our meshes as Blender's objects with materials: saved as a file, or drawn with Cycles. Runs in a child process."""
+"""Our meshes as Blender objects with materials: saved as a file, or drawn with Cycles; it runs in a child process."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ from dipcg.mesh import Mesh, make_mesh
 from dipcg.surface import corner_normals
 
 Report = Callable[[float, str], None]
-PARAMETERS = "dipcg"  # the custom property that holds an asset's parameters
+# The custom property of an object that holds the parameters of an asset.
+PARAMETERS = "dipcg"
 SENSOR_MM = 36.0
-MOST_THREADS = 16
+MAX_THREADS = 16
 
 
 def write_blend(_: Report, mesh: Mesh, generator: str, seed: int, params: str, target: str) -> None:
@@ -70,19 +71,19 @@ def new_object(mesh: Mesh, generator: str, seed: int) -> Any:
 
 
 def start_cycles(samples: int) -> Any:
-    """The scene, to be drawn by Cycles on the processor; the same seed gives the same picture."""
+    """The scene set to Cycles on the processor; the same seed gives the same picture."""
     import bpy
 
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     scene.cycles.device, scene.cycles.samples, scene.cycles.seed = "CPU", samples, 0
     scene.render.threads_mode = "FIXED"
-    scene.render.threads = min(len(os.sched_getaffinity(0)), MOST_THREADS)
+    scene.render.threads = min(len(os.sched_getaffinity(0)), MAX_THREADS)
     return scene
 
 
 def save(target: str) -> None:
-    """Save what is open as a Blender file, without a copy of one that was there.
+    """Save the open file as a Blender file, without a backup of an earlier one.
 
     Raises ValueError with a sentence.
     """
@@ -145,7 +146,7 @@ def _lamp(mesh: Mesh, kind: str, place: View, strength: float) -> None:
 
 
 def _drawn(mesh: Mesh, seed: int, view: View, size: int, samples: int, margin: float) -> np.ndarray:
-    """What is in the open file, in random light; the mesh says where it is."""
+    """A picture of the open file in random light; the mesh says where the object is."""
     import bpy
     from PIL import Image
 
