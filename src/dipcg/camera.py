@@ -1,4 +1,4 @@
-"""The one camera convention: where a picture was taken from, as matrices for OpenGL.
+"""The camera convention of the project, and its matrices for OpenGL.
 
 Azimuth 0 looks at the front (from -Y towards +Y) and grows counter-clockwise seen from above, so 90° stands at +X.
 Elevation is the angle above the horizon (the paper's "elevation" is the polar angle, 90° minus this).
@@ -23,7 +23,7 @@ NEAREST, FARTHEST = 1.5, 6.0
 
 @dataclass(frozen=True)
 class View:
-    """Where a picture was taken from; angles in degrees, distance in longest sides of the object."""
+    """A camera; angles in degrees, distance in longest sides of the object."""
 
     azimuth_deg: float
     elevation_deg: float
@@ -36,7 +36,7 @@ class ViewRange:
     """The views a generator is seen from in training: elevation and nearness uniform, azimuths denser in the middle.
 
     An azimuth is the middle plus half the range times u |u|^(concentration - 1) for a uniform u in [-1, 1]: with 1.5,
-    63 % of the views of a full circle see the front, since that is what people photograph.
+    63 % of the views of a full circle see the front, which is what people photograph.
     """
 
     azimuth_deg: Range = (-180.0, 180.0)
@@ -67,7 +67,7 @@ class ViewGrid:
 
     @property
     def middle(self) -> View:
-        """The middle one of each; of an even number the higher."""
+        """The middle value of each; of an even number the higher of both."""
         return View(*(float(sorted(values)[len(values) // 2]) for values in self._axes))
 
     def sample(self, rng: np.random.Generator) -> View:
@@ -80,7 +80,7 @@ class ViewGrid:
 
 
 def camera_position(view: View, centre: Float[np.ndarray, "3"], side: float) -> Float[np.ndarray, "3"]:
-    """Where the camera stands, in metres."""
+    """The place of the camera, in metres."""
     azimuth, elevation = np.radians([view.azimuth_deg, view.elevation_deg])
     flat = np.cos(elevation)
     direction = np.array([np.sin(azimuth) * flat, -np.cos(azimuth) * flat, np.sin(elevation)])

@@ -1,4 +1,4 @@
-"""The only image preparation in the project: read a picture, cut the object out, crop it the way training pictures are.
+"""The only preparation of pictures in the project: read one, cut the object out, crop it as training pictures are.
 
 An image is `UInt8[np.ndarray, "h w 4"]` with straight alpha.
 """
@@ -223,7 +223,7 @@ def _plain_alpha(image: RGBA) -> UInt8[np.ndarray, "h w"]:
 def _with_soft_shadow(image: RGBA, outside: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
     """Let the background grow into what is as colourless as it, not much darker, and without an edge.
 
-    A white object may look the same; then most of it would go, and the background is left as it was.
+    A white object may look the same; where most of it would be lost, the background stays as it was.
     """
     import cv2
 

@@ -10,7 +10,7 @@ from jaxtyping import Float32, Int32, UInt8
 
 
 class MeshError(ValueError):
-    """A built mesh that cannot be used, with a sentence that says what is wrong with it."""
+    """A built mesh cannot be used; the message says what is wrong with it."""
 
 
 @dataclass(frozen=True)
@@ -79,18 +79,19 @@ def simplify(mesh: Mesh, faces: int = 4000, error: float = 0.004) -> Mesh:
     if len(mesh.faces) <= faces:
         return mesh
     share, mesh = faces / len(mesh.faces), weld(mesh)
-    kept = [_simplify_part(mesh, part, share, error) for part in range(len(mesh.part_names))]
-    parts = np.repeat(np.arange(len(kept)), [len(k) for k in kept]).astype(np.uint8)
-    return compact(replace(mesh, faces=np.concatenate(kept), parts=parts))
+    left = [_simplify_part(mesh, part, share, error) for part in range(len(mesh.part_names))]
+    parts = np.repeat(np.arange(len(left)), [len(faces) for faces in left]).astype(np.uint8)
+    return compact(replace(mesh, faces=np.concatenate(left), parts=parts))
 
 
 def weld(mesh: Mesh, tolerance: float = 1e-5) -> Mesh:
     """Put vertices on a grid of `tolerance` of the longest side, merge those that meet, drop faces left without area.
 
-    The simplifier takes vertices at one place for seams that must not move: slats kept 6,000 faces instead of 300.
+    The simplifier does not move vertices that share a place: without welding, slats had 6,000 faces instead of 300.
     """
     grid = np.rint((mesh.vertices - mesh.bounds[0]) / (tolerance * mesh.side)).astype(np.int64)
-    keys = (grid[:, 0] << 40) | (grid[:, 1] << 20) | grid[:, 2]  # one number sorts ten times faster than three
+    # One number sorts ten times faster than three.
+    keys = (grid[:, 0] << 40) | (grid[:, 1] << 20) | grid[:, 2]
     _, first, merged = np.unique(keys, return_index=True, return_inverse=True)
     faces = merged.astype(np.int32)[mesh.faces]
     solid = (faces != np.roll(faces, 1, axis=1)).all(1)
@@ -114,13 +115,13 @@ def compact(mesh: Mesh) -> Mesh:
 
 
 def sort_faces(mesh: Mesh) -> Mesh:
-    """The same mesh with its faces in an order of our own: Blender's may depend on memory addresses."""
+    """The same mesh with its faces in an order of our own, because Blender's may depend on memory addresses."""
     faces, order = sort_triangles(mesh.faces, mesh.parts)
     return replace(mesh, faces=faces, parts=mesh.parts[order])
 
 
 def sort_triangles(triangles: np.ndarray, *ties: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles `f 3` turned to start at their lowest vertex and sorted, and which ones they were."""
+    """Triangles `f 3` that start at their lowest vertex, sorted, and the position of each before."""
     first = triangles.argmin(1)[:, None]
     turned = np.take_along_axis(triangles, (first + np.arange(3)) % 3, 1)
     order = np.lexsort((*ties, *turned.T[::-1]))
@@ -134,7 +135,8 @@ def _simplify_part(mesh: Mesh, part: int, share: float, error: float) -> Int32[n
     if not len(faces):
         return faces
     out = np.zeros(faces.size, np.uint32)
-    # Sparse: the work follows the part's vertices and not the mesh's. Absolute: in metres, the same for every part.
+    # Sparse, so that the work depends on the vertices of the part and not of the mesh. Absolute, so that the error is
+    # in metres, the same for every part.
     count = meshoptimizer.simplify(
         out,
         faces.astype(np.uint32).ravel(),
@@ -147,7 +149,8 @@ def _simplify_part(mesh: Mesh, part: int, share: float, error: float) -> Int32[n
 
 
 def _in_threes(values: np.ndarray, what: str) -> np.ndarray:
-    if values.ndim > 1 and values.shape[1:] != (3,):  # quads, say: read in threes they would be nonsense
+    if values.ndim > 1 and values.shape[1:] != (3,):
+        # Quads, for example, would be nonsense when read in threes.
         problem = f"its {what} have the shape {values.shape}, not ({what[0]}, 3)"
         raise MeshError(f"The generator built no usable mesh: {problem}.")
     return values.reshape(-1, 3)

@@ -1,6 +1,6 @@
 """Finding plugins: a file in `generators/`, `encoders/` or `metrics/`, an entry point, or a path to a file.
 
-The file name is the key, and listing does not import.
+The file name is the name of the plugin, and listing imports nothing.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def names(kind: str) -> list[str]:
 
 
 def is_path(name: str) -> bool:
-    """Whether this names a plugin by its file: Python, or the TOML of a generator."""
+    """Whether this is the path of a plugin's file: Python, or the TOML of a generator."""
     return name.endswith((".py", ".toml"))
 
 
@@ -45,12 +45,11 @@ def load(kind: str, name: str) -> ModuleType:
 
 def check(kind: str, name: str) -> None:
     """Raise LookupError with the nearest name when no plugin of this kind has this name."""
-    known = names(kind)
-    if name in known:
+    installed = names(kind)
+    if name in installed:
         return
-    raise LookupError(
-        f"There is no {kind.removesuffix('s')} {name!r}.{did_you_mean(name, known)} Installed: {', '.join(known)}."
-    )
+    near = did_you_mean(name, installed)
+    raise LookupError(f"There is no {kind.removesuffix('s')} {name!r}.{near} Installed: {', '.join(installed)}.")
 
 
 def _shipped(kind: str) -> list[str]:
@@ -69,7 +68,8 @@ def _load_file(path: Path) -> ModuleType:
     assert spec is not None, path
     assert spec.loader is not None, path
     module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look their module up
+    # Dataclasses look their module up here.
+    sys.modules[spec.name] = module
     with _named(str(path)):
         spec.loader.exec_module(module)
     return module
@@ -77,7 +77,7 @@ def _load_file(path: Path) -> ModuleType:
 
 @contextlib.contextmanager
 def _named(what: str) -> Iterator[None]:
-    """Say in a sentence what cannot be loaded, whatever it raises: a stranger wrote it."""
+    """Turn any error of a plugin, which others have written, into a ValueError with a sentence."""
     try:
         yield
     except Exception as error:

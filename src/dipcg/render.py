@@ -28,7 +28,8 @@ PALETTE = np.array(
     ]
 )
 MAX_LIGHTS = 3
-_rendered_in: set[int] = set()  # ids of this process and of those it was forked from, as far as they have rendered
+# Ids of this process and of those it was forked from, if they have rendered.
+_rendered_in: set[int] = set()
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,8 @@ class Renderer:
         """
         to_camera = world_to_camera(view, mesh.centre, mesh.side)
         projection = _projection(mesh, view, to_camera, margin)
-        with self._context:  # another renderer of this thread may have made its own the current one
+        # Another renderer of this thread may have made its own context the current one.
+        with self._context:
             self._draw(mesh, look or Look(), to_camera, projection)
             self._context.copy_framebuffer(self._resolved, self._multisampled)
             flat = np.frombuffer(self._resolved.read(components=4), np.uint8)
@@ -108,7 +110,8 @@ class Renderer:
     def _context(self) -> Any:
         import moderngl
 
-        if _rendered_in - {os.getpid()}:  # Mesa would wait for threads that exist in the other process alone
+        if _rendered_in - {os.getpid()}:
+            # Mesa would wait for threads that exist in the other process alone.
             raise RuntimeError(
                 "This process was forked from one that had rendered, and OpenGL cannot go on there; "
                 "start it with multiprocessing's `spawn`, or render in one of the two only."

@@ -1,4 +1,4 @@
-"""Parameter spaces: what a generator can be asked for, and the paper's projection φ to [-1, 1] and back."""
+"""Parameter spaces: the parameters of a generator, and the paper's projection φ to [-1, 1] and back."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Real:
         return self.low + share * (self.high - self.low)
 
     def check(self, value: Any) -> float:
-        """Return the value as a float, or raise a ValueError that says what is wrong with it."""
+        """The value as a float; raises ValueError with what is wrong with it."""
         number = _as_number(value)
         if number is None or not self.low <= number <= self.high:
             raise ValueError(
@@ -66,7 +66,7 @@ class Choice:
 
     @property
     def centres(self) -> Float[np.ndarray, " k"]:
-        """Where each option lies in [-1, 1]: the middle of its equal piece."""
+        """The place of each option in [-1, 1]: the middle of its piece, all pieces being equal."""
         return (2 * np.arange(len(self.options)) + 1) / len(self.options) - 1
 
     def index(self, value: Value) -> int:
@@ -80,11 +80,12 @@ class Choice:
         return self.options[min(piece, len(self.options) - 1)]
 
     def check(self, value: Any) -> Value:
-        """Return the option that `value` names, or raise a ValueError that lists them."""
+        """The option that `value` names; raises ValueError with a list of the options."""
         for option in self.options:
             if type(value) is type(option) and value == option:
                 return option
-        for option in self.options:  # what people type: "1", "yes", 1.0
+        # People type "1", "yes" or 1.0.
+        for option in self.options:
             if str(value).lower() in _spellings(option):
                 return option
         listed = ", ".join(map(str, self.options))
@@ -150,7 +151,7 @@ class ParameterSpace:
         return [i for i, p in enumerate(self.parameters) if isinstance(p, Choice)]
 
     def sample(self, rng: np.random.Generator) -> Params:
-        """Draw every parameter uniformly and return the canonical form."""
+        """Every parameter drawn uniformly, in the canonical form."""
         return self.canonical(self._decode(rng.uniform(-1, 1, len(self))))
 
     def encode(self, params: Params) -> Float[np.ndarray, " d"]:
@@ -185,7 +186,7 @@ class ParameterSpace:
         return {p.name: params[p.name] if self.is_active(p.name, params) else p.inactive for p in self.parameters}
 
     def validate(self, params: Mapping[str, Any]) -> Params:
-        """Check names and values of a full set and return it canonical; raises ValueError with a sentence."""
+        """A full set of parameters, checked, in the canonical form; raises ValueError with a sentence."""
         missing = [name for name in self.names if name not in params]
         if missing:
             raise ValueError(f"These parameters are missing: {', '.join(missing)}.")
@@ -205,7 +206,7 @@ class ParameterSpace:
 
     @property
     def fingerprint(self) -> str:
-        """A short hash of names, ranges, options and conditions: what a checkpoint or a data set depends on."""
+        """A short hash of names, ranges, options and conditions, on which a checkpoint or a data set depends."""
         essence = [{k: v for k, v in p.items() if k not in ("unit", "doc", "group")} for p in self.describe()]
         return hashlib.sha256(json.dumps(essence).encode()).hexdigest()[:16]
 
@@ -226,9 +227,9 @@ def params_from_json(text: str) -> tuple[str, dict[str, Any]]:
         ) from None
 
 
-def did_you_mean(word: str, known: list[str]) -> str:
-    """' Did you mean …?' with the nearest known name, or nothing when none is near."""
-    near = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+def did_you_mean(word: str, names: list[str]) -> str:
+    """' Did you mean …?' with the nearest name, or an empty text when none is near."""
+    near = difflib.get_close_matches(word, names, n=1, cutoff=0.5)
     return f" Did you mean {near[0]!r}?" if near else ""
 
 

@@ -1,4 +1,4 @@
-"""A mesh as files hold it: each part with a normal, and where it has maps a place on them, for every vertex."""
+"""A mesh as files hold it: parts whose vertices have normals, and with texture maps also places on them."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from jaxtyping import Float, Float32, Int, Int32, UInt8
 
 from dipcg.mesh import Mesh
 
-CREASE_DEG = 35.0  # faces that meet at more than this are drawn with an edge between them
+# Faces that meet at a larger angle have a sharp edge between them.
+CREASE_DEG = 35.0
 
 
 @dataclass(frozen=True)
 class Maps:
-    """Square pictures of what a surface is made of, and for each corner of each face where it lies on them.
+    """Texture maps, which are square, and the place of each corner of each face on them.
 
     `uv` has its origin at the lower left, `corners` are normals; `base_colour` is sRGB, `normal` in tangent space with
     +Y up, the rest linear.
@@ -31,7 +32,7 @@ class Maps:
 
 @dataclass(frozen=True)
 class Piece:
-    """One part with its number in the mesh; vertices are split where normals or places on the maps differ."""
+    """A part with its number in the mesh; vertices are split where normals or places on the maps differ."""
 
     part: int
     name: str
@@ -42,7 +43,7 @@ class Piece:
 
 
 def pieces(mesh: Mesh, maps: Maps | None = None) -> Iterator[Piece]:
-    """Each part that has faces with some area, under a name of its own."""
+    """Each part that has faces with some area, with a unique name."""
     corners, solid = corner_normals(mesh) if maps is None else maps.corners, _areas(mesh) > 1e-14
     for part, name in enumerate(unique_names(mesh.part_names)):
         here = np.flatnonzero(solid & (mesh.parts == part))
@@ -51,7 +52,7 @@ def pieces(mesh: Mesh, maps: Maps | None = None) -> Iterator[Piece]:
 
 
 def corner_normals(mesh: Mesh, crease_deg: float = CREASE_DEG) -> Float32[np.ndarray, "f 3 3"]:
-    """For each corner of each face the mean, by area, of the normals around it that turn less than the crease."""
+    """For each corner of each face the mean, by area, of the normals around it within the angle of the crease."""
     corners = mesh.vertices[mesh.faces].astype(float)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     unit, places = _unit(cross), _places(mesh.vertices)[mesh.faces].ravel()
@@ -75,27 +76,27 @@ def _around(
     total = np.column_stack([np.bincount(places, column) for column in weights.T])
     off = np.einsum("ij,ij->i", np.repeat(unit, 3, axis=0), _unit(total)[places]) <= np.cos(np.radians(crease_deg / 2))
     creased = np.flatnonzero(np.bincount(places, off)[places])
-    found = total[places]
-    found[creased] = 0
-    return found, creased
+    sums = total[places]
+    sums[creased] = 0
+    return sums, creased
 
 
 def unique_names(names: tuple[str, ...]) -> list[str]:
-    """The same names, a number behind those that were there already."""
-    found: list[str] = []
+    """The same names, with a number behind those that occur before."""
+    different: list[str] = []
     for name in names:
         number = 2
         unique = name
-        while unique in found:
+        while unique in different:
             unique, number = f"{name}_{number}", number + 1
-        found.append(unique)
-    return found
+        different.append(unique)
+    return different
 
 
 def _neighbours(places: Int[np.ndarray, " c"]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Every corner with another at the same place, itself included: one such corner for each at a time.
 
-    The work follows the number of pairs, the memory the number of corners.
+    The work grows with the number of pairs, the memory with the number of corners.
     """
     order = np.argsort(places, kind="stable")
     count = np.bincount(places)
@@ -108,7 +109,8 @@ def _neighbours(places: Int[np.ndarray, " c"]) -> Iterator[tuple[np.ndarray, np.
 
 def _places(vertices: Float32[np.ndarray, "v 3"]) -> Int[np.ndarray, " v"]:
     """A number for each place at which there are vertices."""
-    return _same(vertices + np.float32(0))[1]  # -0 becomes 0
+    # The addition turns -0 into 0.
+    return _same(vertices + np.float32(0))[1]
 
 
 def _piece(part: int, name: str, positions: np.ndarray, normals: np.ndarray, uv: np.ndarray | None) -> Piece:
@@ -121,7 +123,7 @@ def _piece(part: int, name: str, positions: np.ndarray, normals: np.ndarray, uv:
 
 
 def _same(rows: Float32[np.ndarray, "n k"]) -> tuple[Int[np.ndarray, " u"], Int[np.ndarray, " n"]]:
-    """The first of each set of equal rows, and for each row which set it is in; by a number of 64 bits for each row."""
+    """The first of each set of equal rows, and the set of each row, by a hash of 64 bits of each row."""
     multipliers = np.random.default_rng(0).integers(1, 2**63, rows.shape[1], np.uint64) | np.uint64(1)
     keys = np.zeros(len(rows), np.uint64)
     for column, multiplier in zip(np.ascontiguousarray(rows.T).view(np.uint32), multipliers, strict=True):

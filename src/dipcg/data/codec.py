@@ -10,18 +10,21 @@ import numpy as np
 
 from dipcg.mesh import Mesh, compact
 
+# Bits of a coordinate.
 BITS = 12
-_HEADER = struct.Struct("<3f f I I I B")  # low corner, step, vertices, faces, bytes of vertices, parts
+# Low corner, step, number of vertices, of faces, of bytes of the vertices, and of parts.
+_HEADER = struct.Struct("<3f f I I I B")
 
 
 def encode_mesh(mesh: Mesh) -> bytes:
-    """Pack a mesh; coordinates keep 2^-12 of the longest side."""
+    """Pack a mesh; coordinates are rounded to 2^-12 of the longest side."""
     import meshoptimizer
     import zstandard
 
     mesh = _in_cache_order(compact(mesh))
     low, step = mesh.bounds[0], mesh.side / (2**BITS - 1)
-    grid = np.zeros((len(mesh.vertices), 4), np.uint16)  # meshoptimizer wants strides of four bytes
+    # A fourth column, because meshoptimizer takes strides of a multiple of four bytes.
+    grid = np.zeros((len(mesh.vertices), 4), np.uint16)
     grid[:, :3] = np.rint((mesh.vertices - low) / step)
     vertices = bytes(meshoptimizer.encode_vertex_buffer(grid, len(grid), 8))
     faces = bytes(meshoptimizer.encode_index_buffer(mesh.faces.astype(np.uint32).ravel(), mesh.faces.size, len(grid)))
@@ -32,7 +35,7 @@ def encode_mesh(mesh: Mesh) -> bytes:
 
 
 def decode_mesh(data: bytes) -> Mesh:
-    """Unpack what `encode_mesh` packed."""
+    """Unpack a mesh that `encode_mesh` has packed."""
     import meshoptimizer
 
     data = _decompressor().decompress(data)
@@ -48,7 +51,7 @@ def decode_mesh(data: bytes) -> Mesh:
 
 
 def _in_cache_order(mesh: Mesh) -> Mesh:
-    """Renumber vertices by first use, which is what the codecs compress best."""
+    """Renumber vertices by their first use, an order that the codecs compress best."""
     seen, first = np.unique(mesh.faces, return_index=True)
     order = seen[np.argsort(first)]
     new = np.empty(len(mesh.vertices), np.int32)

@@ -21,7 +21,7 @@ class Shapes(NamedTuple):
     active: Bool[np.ndarray, "n p"]
 
     def first(self, count: int) -> Shapes:
-        """The first so many."""
+        """The first shapes."""
         return Shapes(self.meshes[:count], self.x[:count], self.active[:count])
 
 

@@ -1,4 +1,4 @@
-"""Answers that nobody trained: what the tables of `evaluate.py` set beside an estimate."""
+"""Baselines without a network, for the tables of `evaluate.py`: the mean of the prior, and the nearest random shape."""
 
 from __future__ import annotations
 
@@ -18,12 +18,14 @@ from dipcg.metrics.chamfer import quarter_turn
 from dipcg.space import ParameterSpace, Params, Real
 from dipcg.workers.pool import BuildPool
 
-FEW = 300  # points by which most random shapes are ruled out
-SHORTLIST = 8  # of those that remain, to be compared by more
+# Points by which most random shapes are ruled out.
+FEW = 300
+# The number of shapes that remain, to be compared by more points.
+SHORTLIST = 8
 
 
 class Shape(NamedTuple):
-    """A shape to choose from, with few of its surface points in the measuring frame."""
+    """A random shape, with few of its surface points in the measuring frame."""
 
     params: Params
     mesh: Mesh
@@ -31,9 +33,9 @@ class Shape(NamedTuple):
 
 
 def middle(space: ParameterSpace) -> Params:
-    """One answer to every picture: each real in the middle of its range, and each choice's first option.
+    """The mean of the prior: each real in the middle of its range, and each choice's first option.
 
-    All options of a choice are drawn equally often, so none is likelier than the first.
+    All options of a choice are drawn equally often, so the first is as likely as any other.
     """
     return space.canonical({p.name: p.decode(0.0) if isinstance(p, Real) else p.options[0] for p in space})
 
@@ -58,11 +60,12 @@ def built_shapes(
 
 
 def shortlist(shapes: Sequence[Shape], truth: Points, quarter_turns: bool = False) -> list[Shape]:
-    """The few shapes that few points say are nearest to the truth's surface points, the nearest first.
+    """The few shapes that are nearest to the truth's surface points by few points, the nearest first.
 
     With `quarter_turns` each is compared at the best of four turns about Z.
     """
-    few = truth[:FEW]  # turned in place of the shapes: the distances are the same
+    # The truth is turned in place of the shapes; the distances are the same.
+    few = truth[:FEW]
     turned = [quarter_turn(few, turns) for turns in range(4 if quarter_turns else 1)]
     distances = [min(chamfer(shape.points, target) for target in turned) for shape in shapes]
     return [shapes[i] for i in np.argsort(distances)[:SHORTLIST]]

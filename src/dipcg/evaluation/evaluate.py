@@ -41,7 +41,7 @@ Sampler = Callable[[int, np.random.Generator], np.ndarray]
 
 @dataclass(frozen=True)
 class Case:
-    """One picture and the shape it shows; `sample(count, rng)` gives points of the surface in the measuring frame."""
+    """A picture and the shape it shows; `sample(count, rng)` gives points of the surface in the measuring frame."""
 
     name: str
     image: Source
@@ -63,7 +63,7 @@ def split_cases(folder: str | Path, count: int, seed: int = 0, split: str = "tes
 
 
 def pair_cases(folder: str | Path, prefix: str) -> Iterator[Case]:
-    """Pictures `NAME.png` with surface points `NAME.npz` (array `points`, `n 3`, Z up) whose names start so.
+    """Pictures `NAME.png` with surface points `NAME.npz` (array `points`, `n 3`, Z up) whose names have this prefix.
 
     Raises ValueError when the folder has none.
     """
@@ -88,12 +88,12 @@ class Shown(NamedTuple):
 
 @dataclass(frozen=True)
 class Plan:
-    """What is measured of each picture, and how; the rows of the table follow."""
+    """What is measured of each picture, and how; the rows of the table follow from it."""
 
     candidates: int = 16
-    """of each estimate, the expected one among them"""
+    """candidates of each estimate, the expected one among them"""
     steps: int | None = None
-    """of the sampler; as many as the checkpoint was made for when None"""
+    """steps of the sampler; as many as the checkpoint was made for when None"""
     quarter_turns: bool = False
     """compare at the best of four turns about Z, for data with unknown fronts"""
     metrics: Sequence[str] = ()
@@ -101,9 +101,9 @@ class Plan:
     ranked: bool = False
     """build all candidates, and measure the one that ranking puts first and the one nearest to the truth too"""
     refine_s: float = 0.0
-    """measure what so many seconds of search make of the first as well"""
+    """seconds of search after which the result is measured too; none when 0"""
     random_shapes: Sequence[Shape] = ()
-    """of which the one nearest to the truth is a row: what a search without a network would find that knew it"""
+    """shapes of which the one nearest to the truth is a row: the bound of a search without a network"""
 
 
 def columns(names: Sequence[str]) -> list[Metric]:
@@ -120,9 +120,9 @@ def evaluate(
     plan: Plan = Plan(),
     report: Callable[[Case], None] = lambda case: None,
 ) -> Table:
-    """Measure estimates beside what bounds them; a row for each.
+    """A table of estimates beside their bounds.
 
-    The noise floor (the truth, other points of it); a random shape; the mean of the prior, which is the same shape for
+    The rows: the noise floor (other points of the truth); a random shape; the mean of the prior, which is the same for
     every picture; the nearest of some random shapes; the direct guess; the most central sample; and the estimate.
     """
     table = Table(columns(plan.metrics))
@@ -176,7 +176,7 @@ def _ranked(inverter: Inverter, estimate: Estimate, case: Case, plan: Plan) -> I
 
 
 def distance(mesh: Mesh | None, case: Case, quarter_turns: bool) -> float:
-    """The chamfer distance of fewer points than in the table: enough to choose by."""
+    """The chamfer distance by fewer points than in the table, which are enough to choose by."""
     if mesh is None:
         return np.inf
     rng = np.random.default_rng(0)

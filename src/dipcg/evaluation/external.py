@@ -26,8 +26,10 @@ from dipcg.metrics import Metric, Points, normalise, surface_points
 from dipcg.metrics.chamfer import measure as chamfer
 
 FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
-CHOSEN_BY = 1500  # points by which the rotation is chosen
-ROUNDS = 20  # of iterative closest points
+# Points by which the rotation is chosen.
+CHOSEN_BY = 1500
+# Rounds of iterative closest points.
+ROUNDS = 20
 
 
 def write_pictures(cases: Iterable[Case], folder: Path) -> int:
@@ -50,7 +52,8 @@ def read_mesh(path: Path) -> Mesh:
     try:
         made: Any = trimesh.load(path, force="mesh")
         vertices, faces = np.asarray(made.vertices), np.asarray(made.faces)
-    except Exception as error:  # a stranger's file: its reader may raise anything
+    except Exception as error:
+        # The file may come from anywhere, and its reader may raise anything.
         raise MeshError(f"{path} has no mesh that can be read ({error}).") from None
     if path.suffix.lower() in (".glb", ".gltf"):
         vertices = np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], 1)
@@ -105,7 +108,7 @@ def find_mesh(folder: Path, name: str) -> Path | None:
 
 
 def align(points: Points, truth: Points) -> Points:
-    """The points turned, and moved if that helps, to lie as near the truth as the module's text says."""
+    """The points aligned to the truth as the text of this module says."""
     few, target = points[:CHOSEN_BY], truth[:CHOSEN_BY]
     rotation = min(axis_rotations(), key=lambda r: chamfer(normalise(few @ r.T), target))
     turned = normalise(points @ rotation.T)
@@ -115,8 +118,9 @@ def align(points: Points, truth: Points) -> Points:
 
 def axis_rotations() -> list[Float[np.ndarray, "3 3"]]:
     """The 24 rotations that map axes to axes."""
-    found = [np.eye(3)[list(order)] * np.array(signs)[:, None] for order in permutations(range(3)) for signs in _SIGNS]
-    return [matrix for matrix in found if np.linalg.det(matrix) > 0]
+    orders = permutations(range(3))
+    matrices = [np.eye(3)[list(order)] * np.array(signs)[:, None] for order in orders for signs in _SIGNS]
+    return [matrix for matrix in matrices if np.linalg.det(matrix) > 0]
 
 
 def closest_points(points: Points, truth: Points) -> Points:

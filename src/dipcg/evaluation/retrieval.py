@@ -1,4 +1,4 @@
-"""The cheapest baseline: of a data set's shapes, the one whose renders look most like the picture to an encoder."""
+"""Retrieval, the cheapest baseline: the shape of a data set whose render has the features nearest to a picture's."""
 
 from __future__ import annotations
 
@@ -35,19 +35,19 @@ class Neighbours:
         self.count = min(count, len(shapes.meshes))
         numbers = np.repeat(np.arange(self.count), views)
         self._views: list[View] = []
-        self._shown, features = shapes.x[numbers], []
+        self._x, features = shapes.x[numbers], []
         renderer, rng = Renderer(inverter.image_size), np.random.default_rng(seed)
         for start in range(0, len(numbers), BATCH):
             images = [self._render(shapes, int(number), renderer, rng) for number in numbers[start : start + BATCH]]
             features.append(self._encode(images))
         renderer.close()
-        self._known = torch.cat(features)
+        self._features = torch.cat(features)
 
     def find(self, image: Source) -> Candidate:
         """Parameters and camera of the nearest render; raises images.ImageError."""
         picture, _ = prepare(image, self.inverter.image_size)
-        nearest = int((self._known @ self._encode([picture])[0]).argmax())
-        params = self.inverter.generator.space.decode(self._shown[nearest].astype(float))
+        nearest = int((self._features @ self._encode([picture])[0]).argmax())
+        params = self.inverter.generator.space.decode(self._x[nearest].astype(float))
         return Candidate(params, self._views[nearest])
 
     def _render(self, shapes: Shapes, number: int, renderer: Renderer, rng: np.random.Generator) -> np.ndarray:
@@ -61,9 +61,9 @@ class Neighbours:
     @torch.inference_mode()
     def _encode(self, images: Sequence[np.ndarray]) -> Float[Tensor, "b f"]:
         pixels = torch.cat([encoder_input(image) for image in images])
-        return torch.nn.functional.normalize(_whole(self.inverter.model.encoder(pixels)), dim=1)
+        return torch.nn.functional.normalize(_pooled(self.inverter.model.encoder(pixels)), dim=1)
 
 
-def _whole(features: Features) -> Float[Tensor, "b f"]:
+def _pooled(features: Features) -> Float[Tensor, "b f"]:
     """The summary, or the mean of the tokens for an encoder without one."""
     return features.summary if features.summary.shape[1] else features.tokens.mean(1)

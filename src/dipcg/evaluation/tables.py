@@ -1,4 +1,4 @@
-"""What was measured, by row and case: means, intervals, and differences from the estimate."""
+"""A table of measured values by row and case: means, intervals, and differences from the estimate."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from jaxtyping import Float
 
 from dipcg.metrics import Metric
 
-ESTIMATE = "estimate"  # the row that the others are compared with
+# The row that the others are compared with.
+ESTIMATE = "estimate"
+# Resamples of a bootstrap interval.
 DRAWS = 2000
 AGAINST = f"against {ESTIMATE}"
 
@@ -31,28 +33,28 @@ class Table:
 
     def mean(self, row: str, metric: str) -> float | None:
         """The mean over cases, None where the row has no such value."""
-        found = self.values[row].get(metric)
-        return float(np.mean(found)) if found else None
+        values = self.values[row].get(metric)
+        return float(np.mean(values)) if values else None
 
     def interval(self, row: str, metric: str) -> tuple[float, float]:
         """The 95 % bootstrap interval of the mean over cases."""
         return bootstrap(np.array(self.values[row][metric]))
 
     def differences(self, metric: str) -> dict[str, tuple[float, float, float]]:
-        """By how much each row's mean exceeds the estimate's on the same cases, and the paired 95 % interval of that.
+        """Each row's mean minus the estimate's on the same cases, and its paired 95 % interval.
 
-        Cases are drawn with both their values, so that what makes a case hard for both rows cancels. Empty without an
-        estimate; rows without the metric are left out.
+        Cases are drawn with both their values, so that the difficulty of a case cancels. Empty without an estimate;
+        rows without the metric are left out.
         """
         own = self.values.get(ESTIMATE, {}).get(metric, [])
-        others = {row: found[metric] for row, found in self.values.items() if row != ESTIMATE and metric in found}
-        return {row: _difference(np.array(found), np.array(own)) for row, found in others.items() if own}
+        others = {row: values[metric] for row, values in self.values.items() if row != ESTIMATE and metric in values}
+        return {row: _difference(np.array(values), np.array(own)) for row, values in others.items() if own}
 
     def to_dict(self) -> dict[str, dict[str, Any]]:
         """Means with intervals, differences from the estimate with theirs, and failures, as plain values."""
         table: dict[str, dict[str, Any]] = {}
-        for row, found in self.values.items():
-            table[row] = {name: [self.mean(row, name), *self.interval(row, name)] for name in found}
+        for row, values in self.values.items():
+            table[row] = {name: [self.mean(row, name), *self.interval(row, name)] for name in values}
             table[row]["failures"] = self.failures[row]
         for metric in self.metrics:
             for row, difference in self.differences(metric.name).items():
@@ -68,4 +70,5 @@ def bootstrap(values: Float[np.ndarray, " n"]) -> tuple[float, float]:
 
 
 def _difference(a: Float[np.ndarray, " n"], b: Float[np.ndarray, " n"]) -> tuple[float, float, float]:
-    return (float((a - b).mean()), *bootstrap(a - b))  # the mean of pairs' differences: one value for each case
+    # Each case is one value, the difference of its pair.
+    return (float((a - b).mean()), *bootstrap(a - b))

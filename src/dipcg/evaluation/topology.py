@@ -1,4 +1,4 @@
-"""How clean a mesh is: triangles, holes, edges where more than two faces meet, and the quads of its file."""
+"""The topology of a mesh: triangles, open edges, edges of more than two faces, and the quads of its file."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class Topology:
 
     triangles: int
     open_edges: int
-    """of one face alone: where the surface ends"""
+    """edges of one face alone, where the surface ends"""
     non_manifold_edges: int
-    """of more than two faces"""
+    """edges of more than two faces"""
 
     @property
     def watertight(self) -> bool:

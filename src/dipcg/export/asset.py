@@ -16,21 +16,25 @@ from dipcg.surface import Maps, Piece, pieces
 
 GLTF, USD, BLEND = (".glb", ".gltf"), (".usdz", ".usda", ".usdc"), ".blend"
 FORMATS = (*GLTF, ".obj", ".ply", ".stl", *USD, BLEND)
-TEXTURED = (*GLTF, *USD)  # the formats that hold maps
-MAP_SIZES = (16, 8192)  # pixels along a side
+# The formats that hold texture maps.
+TEXTURED = (*GLTF, *USD)
+# The least and the most pixels along a side of a map.
+MAP_SIZES = (16, 8192)
+# By suffix, the module that a format needs and the command that installs it.
 NEEDS = dict.fromkeys(USD, ("pxr", "pip install 'dipcg[usd]'"))
 NEEDS |= {BLEND: ("bpy", "pip install 'dipcg[infinigen]' (Python 3.11)")}
 
 
 class ExportError(ValueError):
-    """A file that cannot be written, with a sentence that says why and what to do."""
+    """A file cannot be written; the message says why and what to do."""
 
 
 @dataclass(frozen=True)
 class Asset:
     """A mesh with the parameters that made it, and the name or path of their generator.
 
-    `maps` is what `bake.texture` has baked; `material_seed` chooses Infinigen's materials in a Blender file.
+    `maps` are the texture maps of `export.textures.texture`; `material_seed` chooses Infinigen's materials in a Blender
+    file.
     """
 
     mesh: Mesh
@@ -40,14 +44,14 @@ class Asset:
     material_seed: int = 0
 
     def with_faces(self, faces: int) -> Asset:
-        """The asset with about so many triangles at most, its surface as near as that allows; without maps."""
+        """The asset simplified to about this number of triangles at most; without maps."""
         return replace(self, mesh=simplify(self.mesh, faces, error=1.0), maps=None)
 
     def export(self, path: str | Path) -> Path:
         """Write the asset in the format that the suffix names, in metres; glTF is Y up, the others Z up.
 
         A .blend starts Blender, which takes seconds. Raises ExportError with a sentence when the format is unknown or
-        the file cannot be written, and blender.BlenderError.
+        the file cannot be written, and workers.rpc.BlenderError.
         """
         path = check_target(path)
         suffix = path.suffix.lower()
@@ -71,7 +75,7 @@ class Asset:
 
 
 def check_target(path: str | Path, formats: tuple[str, ...] = FORMATS) -> Path:
-    """The path as one that can be written to; raises ExportError before any work is done."""
+    """The path, if a file of one of the formats can be written to it; else raises ExportError."""
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in formats:
@@ -91,7 +95,7 @@ def check_target(path: str | Path, formats: tuple[str, ...] = FORMATS) -> Path:
 
 
 def check_faces(faces: int) -> None:
-    """Raise ExportError for a number of triangles that encloses nothing."""
+    """Raise ExportError for fewer triangles than enclose a volume."""
     if faces < 4:
         raise ExportError(f"The number of triangles to keep must be 4 or more, got {faces}.")
 
@@ -130,15 +134,15 @@ def _write_with_trimesh(mesh: Mesh, path: Path) -> None:
 
     if path.suffix.lower() == ".obj":
         scene = trimesh.Scene({piece.name: _with_material(piece) for piece in pieces(mesh)})
-        # Not a material file that is named alike for every asset of a folder, as trimesh's own is.
+        # trimesh's own name of the material file would be the same for every asset of a folder.
         scene.export(path, mtl_name=f"{path.stem}.mtl", include_normals=True)
         return
     merged = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     merged.merge_vertices(digits_vertex=7)
-    # Slivers in bevels stay: without them a closed surface would be open.
+    # Slivers in bevels stay, because a closed surface would be open without them.
     merged.update_faces((merged.faces != np.roll(merged.faces, 1, axis=1)).all(1))
     merged.remove_unreferenced_vertices()
-    # PLY without attributes: trimesh looks for texture coordinates among them, and there are none.
+    # PLY is written without attributes, because trimesh would look for texture coordinates among them.
     merged.export(path, **{"include_attributes": False} if path.suffix.lower() == ".ply" else {})
 
 

@@ -11,9 +11,9 @@ from dipcg.workers.rpc import Blender
 
 
 def write_blend(mesh: Mesh, generator: str, params: Params, seed: int, path: Path) -> None:
-    """Write the mesh with its materials; of a generator made of a Blender file, that file with the parameters set.
+    """Write the mesh with its materials, or for a generator from a Blender file that file with the parameters set.
 
-    Raises blender.BlenderError with a sentence.
+    Raises workers.rpc.BlenderError with a sentence.
     """
     with Blender() as blender:
         if generator.endswith(".toml"):

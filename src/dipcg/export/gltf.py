@@ -16,7 +16,9 @@ from dipcg.mesh import Mesh
 from dipcg.render import PALETTE
 from dipcg.surface import Maps, Piece, pieces
 
-FLOAT, INDEX = 5126, 5125  # component types: 32-bit reals, unsigned 32-bit integers
+# Numbers of the specification: the component types of 32-bit reals and unsigned 32-bit integers, the targets of buffer
+# views, and the filters of a sampler.
+FLOAT, INDEX = 5126, 5125
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 LINEAR, MIPMAPS = 9729, 9987
 
@@ -34,7 +36,7 @@ def write_gltf(mesh: Mesh, path: Path, maps: Maps | None = None) -> None:
 
 
 def linear(srgb: Float[np.ndarray, "*c"]) -> Float[np.ndarray, "*c"]:
-    """Colours in [0, 1] without the curve of sRGB (IEC 61966-2-1), as materials have them."""
+    """Colours in [0, 1] from sRGB (IEC 61966-2-1) to linear, as materials have them."""
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
 
 
@@ -49,7 +51,8 @@ class _Document:
     def add_part(self, piece: Piece, material: int) -> None:
         attributes = {"POSITION": self._vectors(_y_up(piece.vertices), bounds=True)}
         attributes["NORMAL"] = self._vectors(_y_up(piece.normals))
-        if piece.uv is not None:  # from the upper left here
+        if piece.uv is not None:
+            # The origin of glTF is the upper left corner.
             attributes["TEXCOORD_0"] = self._vectors(np.column_stack([piece.uv[:, 0], 1 - piece.uv[:, 1]]))
         primitive = {"attributes": attributes, "indices": self._indices(piece.faces), "material": material}
         mesh = self._add("meshes", {"name": piece.name, "primitives": [primitive]})
@@ -62,7 +65,7 @@ class _Document:
 
     def add_textured(self, maps: Maps) -> int:
         self._add("samplers", {"magFilter": LINEAR, "minFilter": MIPMAPS})
-        # green is roughness, blue is metallic
+        # The green channel is roughness, the blue one is metallic.
         rough = np.dstack([np.full_like(maps.roughness, 255), maps.roughness, maps.metallic])
         surface = {"baseColorTexture": self._texture("base_colour", maps.base_colour)}
         surface["metallicRoughnessTexture"] = self._texture("metallic_roughness", rough)

@@ -13,8 +13,8 @@ from dipcg.workers.rpc import Blender
 def texture(asset: Asset, size: int = 512, seed: int = 0, progress: Progress | None = None) -> Asset:
     """The asset with base colour, roughness, metallic and normal maps of `size` × `size` pixels.
 
-    `seed` draws the materials; `progress` gets the share that is done and what is done next. Raises
-    ModuleNotFoundError without Blender, and blender.BlenderError.
+    `seed` draws the materials; `progress` is called with the share of the work that is done and the next step. Raises
+    ModuleNotFoundError without Blender, and workers.rpc.BlenderError.
     """
     mesh = drop_degenerate(asset.mesh)
     with Blender() as blender:

@@ -14,9 +14,10 @@ from dipcg.render import PALETTE
 from dipcg.surface import Maps, Piece, pieces
 
 # pyright: reportAttributeAccessIssue=false
-# USD's modules are compiled and come without types.
+# USD's modules are compiled and have no types.
 
-MAPS = {  # field of Maps: input of UsdPreviewSurface, its type, the output of the texture, its colour space
+# For each field of Maps: the input of UsdPreviewSurface, its type, the output of the texture, its colour space.
+MAPS = {
     "base_colour": ("diffuseColor", "Color3f", "rgb", "sRGB"),
     "roughness": ("roughness", "Float", "r", "raw"),
     "metallic": ("metallic", "Float", "r", "raw"),
@@ -63,14 +64,14 @@ def _stage() -> Any:
 
 
 def _named(mesh: Mesh, maps: Maps | None) -> list[tuple[Piece, str]]:
-    """The pieces under names that USD takes."""
+    """The pieces with names that are valid in USD."""
     from pxr import Tf
 
     from dipcg.surface import unique_names
 
-    found = list(pieces(mesh, maps))
-    names = ["materials", *(Tf.MakeValidIdentifier(piece.name) for piece in found)]
-    return list(zip(found, unique_names(tuple(names))[1:], strict=True))
+    every = list(pieces(mesh, maps))
+    names = ["materials", *(Tf.MakeValidIdentifier(piece.name) for piece in every)]
+    return list(zip(every, unique_names(tuple(names))[1:], strict=True))
 
 
 def _add_part(stage: Any, piece: Piece, name: str, material: Any) -> None:
@@ -145,7 +146,8 @@ def _texture(stage: Any, name: str, file: str, space: str) -> Any:
     texture.CreateInput("sourceColorSpace", types.Token).Set(space)
     for wrap in ("wrapS", "wrapT"):
         texture.CreateInput(wrap, types.Token).Set("repeat")
-    if name == "normal":  # from [0, 1] to [-1, 1]
+    if name == "normal":
+        # From [0, 1] to [-1, 1].
         texture.CreateInput("scale", types.Float4).Set(Gf.Vec4f(2, 2, 2, 1))
         texture.CreateInput("bias", types.Float4).Set(Gf.Vec4f(-1, -1, -1, 0))
     return texture

@@ -105,7 +105,8 @@ def load_generator(ref: str) -> Generator:
     Raises LookupError for an unknown one and ValueError for a file that does not declare what it must.
     """
     is_path = registry.is_path(ref)
-    ref = str(Path(ref)) if is_path else ref  # one spelling of ./lamp.toml
+    # A path has one spelling, so that ./lamp.toml and lamp.toml are the same.
+    ref = str(Path(ref)) if is_path else ref
     module = read_declaration(Path(ref)) if ref.endswith(".toml") else registry.load("generators", ref)
     if not isinstance(getattr(module, "space", None), ParameterSpace) or not callable(getattr(module, "build", None)):
         raise ValueError(

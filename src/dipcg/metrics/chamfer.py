@@ -1,4 +1,4 @@
-"""Chamfer distance: how far, on average, each surface is from the other, there and back."""
+"""Chamfer distance: the mean distance of each surface from the other."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ def nearest(a: Float[np.ndarray, "n 3"], b: Points) -> Float[np.ndarray, " n"]:
 def best_quarter_turn(a: Points, b: Points) -> Points:
     """`a` turned about Z by the quarter turn that brings it nearest to `b`.
 
-    For shapes whose makers did not agree on which way is the front. A normalised shape stays normalised.
+    For data in which the front is unknown. A normalised shape stays normalised.
     """
     return min((quarter_turn(a, turns) for turns in range(4)), key=lambda turned: measure(turned, b))
 
 
 def quarter_turn(points: Points, turns: int) -> Points:
-    """The points turned counter-clockwise about Z by `turns` times 90°, to the last bit."""
+    """The points turned counter-clockwise about Z by `turns` times 90°, without rounding."""
     x, y, z = points.T
     return np.stack([(x, y, z), (-y, x, z), (-x, -y, z), (y, -x, z)][turns % 4], axis=1)

@@ -1,4 +1,4 @@
-"""How far the real parameters are off, in x: 0 is right, 2 is the other end of the range."""
+"""The error of the real parameters in x: 0 is right, 2 is the other end of the range."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from dipcg.space import ParameterSpace, Params
 compares = "params"
 unit = "x in [-1, 1]"
 better = "lower"
-symmetric = False  # which parameters count is decided by the truth
+# The truth decides which parameters count.
+symmetric = False
 worst = 2.0
 
 

@@ -9,9 +9,11 @@ unit = "squared halves of the longest side"
 better = "lower"
 symmetric = True
 points = 16_384
-worst = 2.0  # a failed build: as in `chamfer`, every point half a side from the other surface
+# A failed build counts as in `chamfer`: every point is half a side from the other surface.
+worst = 2.0
 
-SCALE = 2  # from a longest side of 1 to [-1, 1]
+# From a longest side of 1 to [-1, 1].
+SCALE = 2
 
 
 def measure(a: Points, b: Points) -> float:
