@@ -72,15 +72,15 @@ def read_inputs(blend: Path, name: str = "") -> dict[str, Any]:
     try:
         with folder:
             done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, env=environment)
-        # Blender may print lines of its own before the answer, which is the last one.
-        answer = json.loads(done.stdout.strip().rpartition("\n")[2])
+        # Blender may print lines of its own before the description, which is the last one.
+        graph = json.loads(done.stdout.strip().rpartition("\n")[2])
     except subprocess.TimeoutExpired:
         raise ValueError(f"Blender took longer than {TIMEOUT_S:g} s over {blend} and was stopped.") from None
     except ValueError:
         raise ValueError(f"Blender stopped while it read {blend}; it may be damaged. {_last_line(done)}") from None
-    if "error" in answer:
-        raise ValueError(answer["error"])
-    return answer
+    if "error" in graph:
+        raise ValueError(graph["error"])
+    return graph
 
 
 def _numbered(inputs: list[Entry]) -> dict[str, Entry]:

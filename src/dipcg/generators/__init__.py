@@ -90,7 +90,7 @@ class Generator:
         return x[..., index] * sign
 
     def build(self, params: Params, detail: Detail = "full") -> Mesh:
-        """Build the mesh in this process; use `worker.BuildPool` for generators that run Blender.
+        """Build the mesh in this process; use `workers.pool.BuildPool` for generators that run Blender.
 
         Raises ValueError for an unusable mesh, and whatever the generator raises.
         """

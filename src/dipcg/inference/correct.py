@@ -1,7 +1,7 @@
 """Corrections that the network itself suggests: its guess from the picture against its guess from a candidate's render.
 
-A guess is biased, towards typical values and otherwise. The bias shows in the guess from a render whose parameters are
-known, so the difference of both guesses says where to go: indirect inference (Gouriéroux et al. 1993).
+A guess is biased, towards typical values and otherwise. The bias shows in the guess from a render, whose parameters are
+those of the candidate, so the difference of both guesses says where to go: indirect inference (Gouriéroux et al. 1993).
 """
 
 from __future__ import annotations

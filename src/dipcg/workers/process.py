@@ -22,7 +22,7 @@ Progress = Callable[[float, str], None]
 
 
 class BuildError(RuntimeError):
-    """A mesh that could not be built: a message, the reason, and the parameters and the generator it was asked of."""
+    """A mesh that could not be built: the message, the reason, the parameters, and the generator's name or file."""
 
     def __init__(self, reason: Reason, message: str, params: Params | None = None, generator: str = "") -> None:
         super().__init__(message)
