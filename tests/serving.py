@@ -31,7 +31,7 @@ class TextInverters(Inverters):
     """An untrained estimator from text for every generator."""
 
     def _load(self, ref: str) -> Inverter:
-        return self._loaded.setdefault(Path(ref), opinionated(replace(TINY, encoder="sentence")))
+        return self._loaded.setdefault(ref, opinionated(replace(TINY, encoder="sentence")))
 
 
 def opinionated(config: ModelConfig = TINY) -> Inverter:

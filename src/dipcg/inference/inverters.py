@@ -26,7 +26,8 @@ class Inverters(Mapping[str, Inverter]):
     def __init__(self, names: Sequence[str] = (), workers: int = 1, reads: Reads = "pictures") -> None:
         self._workers = workers
         self._reads: Reads = reads
-        self._loaded: dict[Path, Inverter] = {}
+        # By reference and by folder, since several references may lead to one folder.
+        self._loaded: dict[str, Inverter] = {}
         chosen = names or (recognisable() if reads == "pictures" else shipped(reads))
         self._refs = {ref if _is_name(ref) else self._load(ref).generator.name: ref for ref in chosen}
 
@@ -83,10 +84,11 @@ class Inverters(Mapping[str, Inverter]):
         return (classifier, encoder) if classifier else None
 
     def _load(self, ref: str) -> Inverter:
-        folder = find_checkpoint(ref, self._reads).resolve()
-        if folder not in self._loaded:
-            self._loaded[folder] = Inverter.load(str(folder), self._workers)
-        return self._loaded[folder]
+        if ref not in self._loaded:
+            folder = str(find_checkpoint(ref, self._reads).resolve())
+            inverter = self._loaded.get(folder) or Inverter.load(folder, self._workers)
+            self._loaded |= {ref: inverter, folder: inverter}
+        return self._loaded[ref]
 
 
 def _is_name(ref: str) -> bool:
