@@ -6,9 +6,10 @@ runs are in the folder DIPCG_HOME (~/.cache/dipcg).
 """
 
 import os
-import subprocess
 import sys
 from pathlib import Path
+
+from benchmarks.trained import run, train
 
 HOME = Path(os.environ.get("DIPCG_HOME", Path.home() / ".cache" / "dipcg"))
 SHAPES = 20_000
@@ -22,16 +23,10 @@ def main(*names: str) -> None:
         raise SystemExit(f"There is no budget for {', '.join(unknown)}; there is one for {', '.join(BUDGETS)}.")
     os.nice(19)
     for name in names or BUDGETS:
-        _run("dataset", "build", name, "--count", str(SHAPES), "-o", str(HOME / "data" / name), "--workers", "1")
-        _run("train", name, "--data", str(HOME / "data" / name), "-o", str(HOME / "runs"), "--pictures", BUDGETS[name])
-
-
-def _run(*words: str) -> None:
-    """Run one command of dipcg, which goes on where it was; a run that is finished says so and is left alone."""
-    print("dipcg " + " ".join(words), flush=True)
-    done = subprocess.run([sys.executable, "-m", "dipcg", *words], stderr=subprocess.PIPE, text=True)
-    if done.returncode and "is finished" not in done.stderr:
-        raise SystemExit(done.stderr)
+        data = str(HOME / "data" / name)
+        print(f"{name}: {SHAPES:,} shapes in {data}, then {BUDGETS[name]} pictures in {HOME / 'runs'}", flush=True)
+        run("dataset", "build", name, "--count", str(SHAPES), "-o", data, "--workers", "1")
+        train(data, HOME / "runs", "--pictures", BUDGETS[name])
 
 
 if __name__ == "__main__":

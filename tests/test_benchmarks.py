@@ -4,6 +4,9 @@ from pathlib import Path
 
 import pytest
 from benchmarks import __main__ as benchmarks
+from benchmarks.trained import run, train
+
+from dipcg.data.store import build_dataset
 
 FOLDER = Path(benchmarks.__file__).parent
 
@@ -24,3 +27,14 @@ def test_listing_names_each_with_its_time_and_runs_nothing(words, capsys, monkey
 def test_an_unknown_name_lists_the_known_ones():
     with pytest.raises(SystemExit, match=r"no benchmark 'sped'\. There are: ablation"):
         benchmarks.main("sped")
+
+
+def test_a_finished_training_is_left_as_it_is_and_another_error_stops(tmp_path):
+    build_dataset("box", tmp_path / "data", 40)
+    flags = ("--pictures", "32", "--batch", "16", "--image-size", "32", "--depth", "1")
+    weights = train(str(tmp_path / "data"), tmp_path / "runs", *flags) / "model.safetensors"
+    before = weights.stat().st_mtime_ns
+    train(str(tmp_path / "data"), tmp_path / "runs", *flags)
+    assert weights.stat().st_mtime_ns == before
+    with pytest.raises(SystemExit, match="no generator 'chiar'"):
+        run("sample", "chiar", "-o", str(tmp_path / "chair.glb"))

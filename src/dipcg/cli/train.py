@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -43,9 +45,7 @@ def train(
     if generator != info["generator"] and load_generator(generator).ref != info["ref"]:
         raise ValueError(f"{data} holds shapes of {info['generator']!r}, not of {generator!r}.")
     folder = output / info["generator"]
-    # A run that is asked to end saves its state, as an interrupted one does.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    with bar("training", 1000) as update, Log(folder, data) as log:
+    with _ends_as_interrupted(), bar("training", 1000) as update, Log(folder, data) as log:
 
         def report(status: Any) -> None:
             update(int(1000 * status.share), f"loss {status.loss:.3f}, {status.pictures_per_s:.0f} pictures/s")
@@ -53,6 +53,16 @@ def train(
 
         run(data, folder, train, model, report)
     print(f"Wrote the best weights to {folder}. Try: dipcg estimate PICTURE -g {folder} -o out.glb")
+
+
+@contextlib.contextmanager
+def _ends_as_interrupted() -> Iterator[None]:
+    """A run that is asked to end (SIGTERM) saves its state, as an interrupted one does."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 NOTICE = (

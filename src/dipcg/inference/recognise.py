@@ -17,10 +17,10 @@ from dipcg.pipeline import Estimate, Inverter
 
 # Candidates of each generator where all of them try.
 TRIED = 4
-# Of agreement: the difference that makes one generator e times as likely as another; see docs/results.md.
+# Of agreement: the difference that makes one generator e times as likely as another. Measured, as the thresholds below,
+# in docs/experiments/recognition.md.
 TEMPERATURE = 0.03
-# The out-of-distribution thresholds: of the misfit alone, and of its mean with what the class probability lacks of 1;
-# see docs/results.md.
+# The out-of-distribution thresholds: of the misfit alone, and of its mean with what the class probability lacks of 1.
 OUT_OF_DISTRIBUTION_MISFIT = 0.55
 OUT_OF_DISTRIBUTION_SCORE = 0.6
 # The misfit of objects that a generator can make.

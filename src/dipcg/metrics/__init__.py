@@ -19,7 +19,8 @@ from jaxtyping import Float
 from dipcg import registry
 from dipcg.mesh import Mesh
 
-Points = Float[np.ndarray, "_ 3"]  # any number of them, each set its own
+# Two sets may have different numbers of points.
+Points = Float[np.ndarray, "_ 3"]
 Shape = TypeVar("Shape", Mesh, np.ndarray)
 
 

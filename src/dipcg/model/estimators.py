@@ -18,7 +18,9 @@ from dipcg.model.denoiser import Condition, Denoiser, Outputs, Prediction
 from dipcg.model.dit import DiT
 from dipcg.space import ParameterSpace
 
-UNSEEN_VIEW = View(30.0, 30.0, 2.0)  # the paper's model says nothing of the camera; this is the middle of its views
+# The paper's model says nothing of the camera; this is the middle of its views.
+UNSEEN_VIEW = View(30.0, 30.0, 2.0)
+NO_GUESS = "The paper's recipe has no direct guess; ask for an estimate, or train without --recipe."
 
 
 class Estimator(nn.Module):
@@ -89,15 +91,15 @@ class PaperEstimator(nn.Module):
     @property
     def guess(self) -> nn.Module:
         """Raises ValueError: the paper has no direct regression."""
-        raise ValueError("The paper's recipe has no direct guess; ask for an estimate, or train without --recipe.")
+        raise ValueError(NO_GUESS)
 
     def guess_loss(self, features: Features, x: Float[Tensor, "b d"], active: Bool[Tensor, "b p"]) -> Float[Tensor, ""]:
         """Raises ValueError: the paper has no direct regression."""
-        raise ValueError("The paper's recipe has no direct guess; ask for an estimate, or train without --recipe.")
+        raise ValueError(NO_GUESS)
 
     def first_guess(self, features: Features) -> Prediction:
         """Raises ValueError: the paper has no direct regression."""
-        raise ValueError("The paper's recipe has no direct guess; ask for an estimate, or train without --recipe.")
+        raise ValueError(NO_GUESS)
 
     def condition(self, features: Features) -> Condition:
         """What the denoiser attends to, computed once and not per step."""

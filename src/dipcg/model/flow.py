@@ -23,7 +23,8 @@ def prediction_loss(
     outputs: Outputs, prediction: Prediction, x: Float[Tensor, "b d"], wanted: Bool[Tensor, "b d"]
 ) -> Float[Tensor, ""]:
     """Squared error of reals plus cross-entropy of choices, over the wanted entries alone."""
-    squared = (prediction.mean - x).square() * 3  # a third is the variance of a uniform parameter
+    # A third is the variance of a uniform parameter.
+    squared = (prediction.mean - x).square() * 3
     surprise = -(outputs.log_probabilities(prediction.logits) * outputs.choice_targets(x))
     per_choice = torch.zeros_like(x).index_add_(1, outputs.owner, surprise)
     per_entry = torch.where(outputs.is_choice, per_choice, squared)

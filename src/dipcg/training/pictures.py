@@ -32,7 +32,7 @@ class Batch(NamedTuple):
 
 @runtime_checkable
 class BatchSource(Protocol):
-    """Training input whose batch number `step` depends on the seed and `step` alone."""
+    """Training input in numbered batches."""
 
     def batch(self, step: int, size: int) -> Batch:
         """A batch of pictures with `size` pixels a side, in [0, 1]."""
@@ -42,7 +42,7 @@ class BatchSource(Protocol):
 
 
 class Pictures:
-    """Batches of random views of the shapes of one split."""
+    """Batches of random views of the shapes of one split; a batch depends on the seed and its step alone."""
 
     def __init__(
         self,

@@ -15,7 +15,7 @@ from dipcg.config import ModelConfig, TrainConfig
 
 WEIGHTS = "state.safetensors"
 # A resumed run may change these: they decide how long and where it computes, not what it learns.
-FREE = ("pictures", "minutes", "device", "compile", "workers")
+FREE = ("pictures", "minutes", "device", "compile")
 
 
 def save_state(

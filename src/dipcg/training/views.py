@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
-from dipcg.camera import View, ViewRange, encode_view
+from dipcg.camera import VIEW_NUMBERS, View, ViewRange, encode_view
 from dipcg.config import AugmentConfig
 from dipcg.data.codec import decode_mesh
 from dipcg.data.shapes import Shapes
@@ -84,7 +84,7 @@ class ViewBuffer:
         self.close()
         self._size, self._renderer = size, Renderer(size)
         self._views = torch.zeros(self.slots, size, size, 4, dtype=torch.uint8, device=self.device)
-        self._cameras = torch.zeros(self.slots, len(encode_view(View(0.0, 0.0))), device=self.device)
+        self._cameras = torch.zeros(self.slots, VIEW_NUMBERS, device=self.device)
         self._numbers = torch.zeros(self.slots, dtype=torch.long, device=self.device)
         self._normals = torch.zeros(self.slots, dtype=torch.bool, device=self.device)
         self._x = torch.from_numpy(self.shapes.x).to(self.device)
