@@ -28,13 +28,14 @@ class Room:
 
 # A file may import its own room and every room below it. "root" is the files right in the package.
 ROOMS = {
-    "cli": Room("app training evaluation", torch="in functions"),
+    "cli": Room("app training evaluation importing", torch="in functions"),
     "app": Room("inference", torch="anywhere"),
     "training": Room("inference", torch="anywhere"),
     "evaluation": Room("inference", torch="anywhere"),
     "inference": Room("pipeline metrics", torch="anywhere"),
     "pipeline": Room("data export model", torch="anywhere"),
     "export": Room("workers"),
+    "importing": Room("workers"),
     "data": Room("workers"),
     "model": Room("encoders generators", torch="anywhere"),
     "workers": Room("generators"),

@@ -1,7 +1,7 @@
 """Code that runs inside a Blender process: reading Blender files, materials, baking, scenes and parts of meshes.
 
 `bpy` and Infinigen are imported inside functions, and only child processes of `workers` call these functions; the
-importer and the reader of TOML files also have parts that run in the calling process, without Blender. A Blender
+reader of TOML files also runs in the calling process, without Blender. A Blender
 file becomes a TOML file, not code: it lists the inputs of the modifier as parameters, can be edited, runs nothing,
 and holds the file's hash, so that a changed file is refused. Files are opened with scripts off, and the object is
 evaluated alone in a scene of its own with one more modifier that turns instances into faces. `mirrors` is left out

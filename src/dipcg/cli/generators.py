@@ -5,11 +5,15 @@ from __future__ import annotations
 import json as jsons
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, arg
 
+from dipcg.cli import listing
 from dipcg.cli.assets import Settings, parse_settings
+
+if TYPE_CHECKING:
+    from dipcg.importing.imported import Imported
 
 NewFile = Annotated[Path | None, arg(aliases=["-o"], metavar="FILE")]
 Ranges = Annotated[Settings, arg(metavar="NAME=LOW:HIGH")]
@@ -22,30 +26,30 @@ def generators(name: Positional[str] = "", /, *, json: bool = False) -> None:
         name: a generator's name, or the path of a Python or TOML file
         json: print JSON
     """
-    from dipcg.cli import listing
-
     print(listing.parameters(name, json) if name else listing.generators(json))
 
 
 def generators_add(
-    file: Positional[Path], /, *, object: str = "", range: Ranges = (), output: NewFile = None, json: bool = False
+    source: Positional[str], /, *, object: str = "", range: Ranges = (), output: NewFile = None, json: bool = False
 ) -> None:
-    """Make a generator of a Blender file: its Geometry Nodes inputs become parameters in a TOML file to edit.
+    """Make a generator of what others made: a TOML file with its parameters, which you can edit.
 
     Args:
-        file: a Blender file, ending in .blend
+        source: a Blender file, ending in .blend: the inputs of its Geometry Nodes become parameters
         object: the object with the modifier, where several have one
         range: lowest and highest value of an input, as name=low:high; narrows limits, or sets them where there are none
-        output: TOML file to write; beside the Blender file when left out
+        output: TOML file to write; beside the source when left out
         json: print what was made as JSON
     """
-    from dipcg.blender.importer import import_blend
+    if source.endswith(".blend"):
+        from dipcg.importing.blend import import_blend
 
-    made = import_blend(file, object, parse_settings(range), output, input if sys.stdin.isatty() else None)
-    if json:
-        print(jsons.dumps({"output": str(made.path), "parameters": made.parameters, "left_out": made.left_out}))
-        return
-    print(f"Wrote {made.path}, {len(made.parameters)} parameters: {', '.join(made.parameters)}.")
-    for name, why in made.left_out.items():
-        print(f"Left out {name}: {why}.")
-    print(f"Try: dipcg sample {made.path} -o {made.path.stem}.glb")
+        made = import_blend(Path(source), object, parse_settings(range), output, input if sys.stdin.isatty() else None)
+    else:
+        raise ValueError(f"{source} is no source of a generator; give a Blender file, ending in .blend.")
+    print(jsons.dumps(_as_json(made)) if json else listing.imported(made))
+
+
+def _as_json(made: Imported) -> dict[str, Any]:
+    rows = {row.name: row._asdict() for row in made.rows}
+    return {"output": str(made.path), "parameters": rows, "left_out": made.left_out, "notes": made.notes}

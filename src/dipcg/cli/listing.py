@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json as jsons
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 from dipcg import registry
 from dipcg.generators import load_generator
 from dipcg.model.zoo import shipped
 from dipcg.space import Choice, Parameter
+
+if TYPE_CHECKING:
+    from dipcg.importing.imported import Imported
 
 BARS = " ▁▂▃▄▅▆▇█"
 
@@ -32,6 +36,15 @@ def parameters(name: str, json: bool = False) -> str:
         return jsons.dumps(generator.space.describe(), indent=1)
     rows = [(p.group, p.name, _range(p), p.unit, _when(p), p.doc) for p in generator.space]
     return generator.doc + "\n\n" + _aligned([("part", "parameter", "range", "unit", "active when", "meaning"), *rows])
+
+
+def imported(made: Imported) -> str:
+    """What `dipcg generators add` wrote: the parameters with values and ranges, what is left out, and what to try."""
+    table = _aligned([("parameter", "value", "range", "why"), *made.rows])
+    left_out = [f"Left out {name}: {why}." for name, why in made.left_out.items()]
+    tried = f"Try: dipcg sample {made.path} -o {made.path.stem}.glb"
+    wrote = f"Wrote {made.path}, {len(made.rows)} parameters."
+    return "\n".join([table, "", *left_out, *made.notes, wrote, tried])
 
 
 def data_set(summary: dict[str, Any]) -> str:
@@ -69,6 +82,6 @@ def _when(parameter: Parameter) -> str:
     return "; ".join(f"{name} is {' or '.join(map(str, allowed))}" for name, allowed in parameter.when.items())
 
 
-def _aligned(rows: list[tuple[str, ...]]) -> str:
+def _aligned(rows: Sequence[tuple[str, ...]]) -> str:
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     return "\n".join("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows)

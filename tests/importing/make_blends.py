@@ -1,4 +1,4 @@
-"""Small Blender files for tests/blender/test_importer.py; `python tests/blender/make_blends.py FOLDER` writes them."""
+"""Small Blender files for tests/importing/test_blend.py; `python tests/importing/make_blends.py FOLDER` writes them."""
 
 import os
 import sys

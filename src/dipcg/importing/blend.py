@@ -8,13 +8,13 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from dipcg.blender.declaration import digest, read_declaration, write_declaration
 from dipcg.blender.temporary import temporary_folder
+from dipcg.importing.imported import Imported, Row
 from dipcg.space import did_you_mean
 
 TIMEOUT_S = 120.0
@@ -22,15 +22,6 @@ NUMBERS = ("real", "integer")
 
 Entry = dict[str, Any]
 Ranges = Mapping[str, str]
-
-
-@dataclass(frozen=True)
-class Imported:
-    """The TOML file, the names of its parameters, and the inputs that are left out and why."""
-
-    path: Path
-    parameters: list[str]
-    left_out: dict[str, str]
 
 
 def import_blend(
@@ -58,7 +49,17 @@ def import_blend(
     top = {"doc": f"{graph['object']}, the Geometry Nodes of {blend.name}.", "blend": inside}
     top |= {"object": graph["object"], "sha256": digest(blend)}
     _write(path, write_declaration(top, entries, path))
-    return Imported(path, list(entries), left_out)
+    return Imported(path, [_row(name, entry) for name, entry in entries.items()], left_out)
+
+
+def _row(name: str, entry: Entry) -> Row:
+    if entry["kind"] not in NUMBERS:
+        return Row(name, str(entry["default"]), ", ".join(entry["options"]) or "no, yes", "")
+    return Row(name, _short(entry["default"]), f"{entry['low']:g} to {entry['high']:g}", "")
+
+
+def _short(value: float | int | None) -> str:
+    return "" if value is None else f"{value:g}"
 
 
 def read_inputs(blend: Path, name: str = "") -> dict[str, Any]:

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from dipcg.blender.declaration import write_declaration
-from dipcg.blender.importer import import_blend
 from dipcg.cli import main
 from dipcg.generators import load_generator
+from dipcg.importing.blend import import_blend
 from dipcg.space import Choice, Real
 from dipcg.workers.pool import BuildPool
 
@@ -190,13 +190,13 @@ def test_a_file_that_cannot_be_used_gets_a_sentence(capsys, blends, name, words,
 def test_blender_that_stops_hangs_or_is_missing_gets_a_sentence(capsys, blends, monkeypatch):
     add = ["generators", "add", blends / "instances.blend"]
     with monkeypatch.context() as patch:
-        patch.setattr("dipcg.blender.importer.sys.executable", shutil.which("false"))
+        patch.setattr("dipcg.importing.blend.sys.executable", shutil.which("false"))
         assert "it may be damaged. Its exit code was 1." in sentence(capsys, *add)
     with monkeypatch.context() as patch:
-        patch.setattr("dipcg.blender.importer.TIMEOUT_S", 0.01)
+        patch.setattr("dipcg.importing.blend.TIMEOUT_S", 0.01)
         assert "took longer than 0.01 s" in sentence(capsys, *add)
     with monkeypatch.context() as patch:
-        patch.setattr("dipcg.blender.importer.find_spec", lambda name: None)
+        patch.setattr("dipcg.importing.blend.find_spec", lambda name: None)
         assert "needs bpy: run `pip install" in sentence(capsys, *add)
 
 

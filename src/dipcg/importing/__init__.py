@@ -1,0 +1,5 @@
+"""Sources that others made, turned into a TOML file that is a generator: `dipcg generators add SOURCE`.
+
+One file for each kind of source; `cli/generators.py` chooses among them. Each proposes the parameters and their
+ranges, tries them with builds in worker processes, and returns an `Imported` for the table that the command prints.
+"""
