@@ -15,6 +15,8 @@ import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 from PIL import Image, ImageOps, UnidentifiedImageError
 
+from dipcg.files import written
+
 Source = str | Path | bytes | Image.Image | np.ndarray
 RGBA = UInt8[np.ndarray, "h w 4"]
 Background = Literal["alpha", "plain", "photo"]
@@ -134,8 +136,9 @@ def silhouette(image: RGBA) -> UInt8[np.ndarray, "h w 4"]:
 
 
 def save_image(image: UInt8[np.ndarray, "h w c"], path: str | Path) -> None:
-    """Write a PNG."""
-    Image.fromarray(np.ascontiguousarray(image)).save(path)
+    """Write a PNG; raises OSError."""
+    with written(path) as unfinished:
+        Image.fromarray(np.ascontiguousarray(image)).save(unfinished)
 
 
 def _decode(source: bytes | Image.Image | np.ndarray, name: str) -> RGBA:

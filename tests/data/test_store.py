@@ -222,7 +222,8 @@ def test_a_full_disk_is_a_sentence_and_keeps_what_is_written(tmp_path):
     )
     assert told.returncode == 1
     assert "shard-00001.parquet cannot be used (File too large)." in told.stderr
-    assert [path.name for path in sorted((tmp_path / "data").iterdir())] == ["dataset.json", "shard-00000.parquet"]
+    names = [path.name for path in sorted((tmp_path / "data").iterdir())]
+    assert names == [".lock", "dataset.json", "shard-00000.parquet"]
     assert rows(tmp_path / "data").equals(kept)
 
 

@@ -8,6 +8,8 @@ from html import escape
 from pathlib import Path
 from urllib.parse import quote
 
+from dipcg.files import write_file
+
 PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
 PAGE = "index.html"
 
@@ -47,9 +49,8 @@ class Batch:
         done = sum(files.done for files in self.files.values())
         title = f"{done} of {len(self.files)} pictures" + (f", {len(problems)} failed" if problems else "")
         page = self.out / PAGE
-        page.with_suffix(".part").write_text(TEMPLATE.format(title=title, cards=cards), encoding="utf-8")
-        # A browser that has the page open never reads half of it.
-        return page.with_suffix(".part").replace(page)
+        write_file(page, TEMPLATE.format(title=title, cards=cards))
+        return page
 
 
 def open_batch(pictures: Path, out: Path, suffix: str = ".glb") -> Batch:

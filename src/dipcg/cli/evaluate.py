@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 from tyro.conf import Positional
 
+from dipcg.files import write_file
+
 if TYPE_CHECKING:
     from dipcg.evaluation.baselines import Shape
     from dipcg.evaluation.evaluate import Case
@@ -80,7 +82,7 @@ def evaluate(
             measured = measure(inverter, cases, plan, lambda case: update(next(done), case.name))
     print(f"{table(measured)}\n\n{differences(measured)}")
     if json:
-        json.write_text(jsons.dumps(measured.to_dict(), indent=1))
+        write_file(json, jsons.dumps(measured.to_dict(), indent=1))
 
 
 def _external(
@@ -131,7 +133,7 @@ def compare_meshes(
     print(table(measured) + "\n\n" + topology_table(shapes, quads))
     if json:
         about = {name: vars(shape) | {"quads": quads.get(name)} for name, shape in shapes.items()}
-        json.write_text(jsons.dumps({"accuracy": measured.to_dict(), "topology": about}, indent=1))
+        write_file(json, jsons.dumps({"accuracy": measured.to_dict(), "topology": about}, indent=1))
 
 
 def topology_table(shapes: dict[str, Topology], quads: dict[str, float]) -> str:

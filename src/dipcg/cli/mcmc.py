@@ -130,6 +130,7 @@ def _estimated(image: Path, generator: str, objective: Objective) -> Point:
 def _write(output: Path, image: Path, trace: Trace, objective: Objective, best: dict[int, Point]) -> None:
     import numpy as np
 
+    from dipcg.files import write_file
     from dipcg.images import over_white, prepare, save_image
     from dipcg.inference.trace import labelled, marks, plot_traces
     from dipcg.space import params_to_json
@@ -142,7 +143,7 @@ def _write(output: Path, image: Path, trace: Trace, objective: Objective, best: 
     save_image(np.concatenate(tiles, 1), output / "best.png")
     plot_traces({"best so far": trace.lines[: len(best)]}, output / "trace.png")
     params = objective.params(best[len(best)])
-    (output / "best.json").write_text(params_to_json(params, objective.generator.ref))
+    write_file(output / "best.json", params_to_json(params, objective.generator.ref))
     print(f"Wrote best.json, best.png and trace.png to {output}. Try: dipcg edit {output / 'best.json'} -o best.glb")
 
 

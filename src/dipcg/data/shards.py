@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -66,24 +65,6 @@ def pack(samples: Sequence[Sample], generator: Generator) -> bytes:
     table = pa.Table.from_pylist([_to_row(sample) for sample in samples], _schema(generator))
     pq.write_table(table, written, compression="zstd")
     return written.getvalue()
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that all of it is there or nothing, whatever happens meanwhile.
-
-    Raises OSError, with the file's name, when the disk is full or the folder cannot be written to.
-    """
-    unfinished = path.with_suffix(f".{os.getpid()}.tmp")
-    try:
-        with unfinished.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        unfinished.replace(path)
-    except OSError as error:
-        with suppress(OSError):
-            unfinished.unlink(missing_ok=True)
-        raise OSError(error.errno, error.strerror, str(path)) from None
 
 
 def read(path: Path, columns: list[str] | None = None) -> pa.Table:

@@ -20,6 +20,7 @@ import pyarrow as pa
 from dipcg.data import shards
 from dipcg.data.draws import Drawing, Draws
 from dipcg.data.shards import FAILURE, NUMBER, Sample
+from dipcg.files import locked, write_file
 from dipcg.generators import load_generator
 from dipcg.space import Parameter, ParameterSpace, Real
 from dipcg.workers.pool import BuildPool, Built
@@ -99,18 +100,25 @@ def build_dataset(
     """Sample `count` parameter sets, build and store them; returns the number of failures.
 
     Shards that are there already stay. Wherever shards are built, they are written here. Raises ValueError when the
-    folder holds other data or `count` is not positive, OSError when it cannot be written to, and BuildError when no
-    worker can start, which is not the fault of a sample.
+    folder holds other data, another process builds in it, or `count` is not positive; OSError when it cannot be written
+    to; and BuildError when no worker can start, which is not the fault of a sample.
     """
     draws, folder = Draws(load_generator(ref), seed, drawing), Path(folder)
     if count < 1:
         raise ValueError(f"The number of samples must be at least 1, got {count}.")
-    _claim(folder, draws)
+    draws.generator.check_installed()
+    with locked(folder, "builds a data set"):
+        _claim(folder, draws)
+        return _build(draws, folder, count, executor, report)
+
+
+def _build(draws: Draws, folder: Path, count: int, executor: Executor, report: Callable[[Progress], None]) -> int:
+    """Build the shards that are missing; returns the number of failures."""
     jobs = [range(first, min(first + SHARD, count)) for first in range(0, count, SHARD)]
     there = [job for job in jobs if _is_complete(_path(folder, job), len(job))]
     counts = Counts(count, report, sum(map(len, there)), sum(_failures(_path(folder, job)) for job in there))
     for job, content in executor.shards(draws, [job for job in jobs if job not in there], counts):
-        shards.write_whole(_path(folder, job), content)
+        write_file(_path(folder, job), content)
     counts.add(0, 0)
     return counts.failed
 
@@ -212,13 +220,10 @@ def _read_info(folder: Path) -> dict[str, Any]:
 
 
 def _claim(folder: Path, draws: Draws) -> None:
-    """Make the folder and say in it which data set it holds, or refuse one that holds another."""
-    generator, ours = draws.generator, draws.describe()
-    generator.check_installed()
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / "dataset.json"
+    """Say in the folder which data set it holds, or refuse one that holds another."""
+    ours, path = draws.describe(), folder / "dataset.json"
     if not path.exists():
-        return shards.write_whole(path, json.dumps(ours, indent=1).encode())
+        return write_file(path, json.dumps(ours, indent=1))
     if (theirs := _read_info(folder)) != ours:
         changed = ", ".join(key for key in ours if theirs.get(key) != ours[key])
         raise ValueError(f"{folder} already holds another data set (different {changed}); choose another folder.")

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
+from dipcg.files import write_file, written
 from dipcg.mesh import Mesh, simplify
 from dipcg.render import PALETTE
 from dipcg.space import Params, params_to_json
@@ -54,23 +57,16 @@ class Asset:
         the file cannot be written, and workers.rpc.BlenderError.
         """
         path = check_target(path)
-        suffix = path.suffix.lower()
         try:
-            if suffix in GLTF:
-                _write_gltf(self, path)
-            elif suffix in USD:
-                _write_usd(self, path)
-            elif suffix == BLEND:
-                _write_blend(self, path)
-            else:
-                _write_with_trimesh(self.mesh, path)
+            with written(path) as unfinished:
+                _writer(path)(self, unfinished)
         except OSError as error:
             raise ExportError(f"{path} cannot be written ({error.strerror or error}).") from None
         return path
 
     def save_params(self, path: str | Path) -> Path:
         """Write the parameters as JSON, for `dipcg edit`."""
-        Path(path).write_text(params_to_json(self.params, self.generator))
+        write_file(path, params_to_json(self.params, self.generator))
         return Path(path)
 
 
@@ -89,6 +85,8 @@ def check_target(path: str | Path, formats: tuple[str, ...] = FORMATS) -> Path:
         path.open("ab").close()
         if not existed:
             path.unlink()
+        # The file is made in a folder beside it.
+        TemporaryDirectory(dir=path.resolve().parent).cleanup()
     except OSError as error:
         raise ExportError(f"{path} cannot be written ({error.strerror}).") from None
     return path
@@ -110,6 +108,16 @@ def check_texture(size: int, path: Path) -> None:
         raise ExportError(f"Baking maps needs the module bpy: run {NEEDS[BLEND][1]}.")
 
 
+def _writer(path: Path) -> Callable[[Asset, Path], None]:
+    """The function that writes files of this ending."""
+    suffix = path.suffix.lower()
+    if suffix in GLTF:
+        return _write_gltf
+    if suffix in USD:
+        return _write_usd
+    return _write_blend if suffix == BLEND else _write_with_trimesh
+
+
 def _write_gltf(asset: Asset, path: Path) -> None:
     from dipcg.export.gltf import write_gltf
 
@@ -128,10 +136,11 @@ def _write_blend(asset: Asset, path: Path) -> None:
     write_blend(asset.mesh, asset.generator, asset.params, asset.material_seed, path)
 
 
-def _write_with_trimesh(mesh: Mesh, path: Path) -> None:
+def _write_with_trimesh(asset: Asset, path: Path) -> None:
     """OBJ with materials; PLY and STL as one surface, without normals, so that neighbours share their vertices."""
     import trimesh
 
+    mesh = asset.mesh
     if path.suffix.lower() == ".obj":
         scene = trimesh.Scene({piece.name: _with_material(piece) for piece in pieces(mesh)})
         # trimesh's own name of the material file would be the same for every asset of a folder.

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import tempfile
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -37,8 +40,7 @@ def write_usd(mesh: Mesh, path: Path, maps: Maps | None = None) -> None:
     shared = _textured(stage, files) if files else None
     for piece, name in _named(mesh, maps):
         _add_part(stage, piece, name, shared or _plain(stage, piece, name))
-    if not stage.GetRootLayer().Export(str(path)):
-        raise OSError(f"USD could not write {path}")
+    _save(stage.GetRootLayer().Export, path)
 
 
 def _write_package(mesh: Mesh, path: Path, maps: Maps | None) -> None:
@@ -47,8 +49,19 @@ def _write_package(mesh: Mesh, path: Path, maps: Maps | None) -> None:
     with tempfile.TemporaryDirectory() as folder:
         layer = Path(folder) / "asset.usdc"
         write_usd(mesh, layer, maps)
-        if not UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(layer)), str(path)):
-            raise OSError(f"USD could not write {path}")
+        _save(partial(UsdUtils.CreateNewUsdzPackage, Sdf.AssetPath(str(layer))), path)
+
+
+def _save(save: Callable[[str], bool], path: Path) -> None:
+    """Call USD to write a file; its own error is a page of source lines. Raises OSError."""
+    from pxr import Tf
+
+    try:
+        done = save(str(path))
+    except Tf.ErrorException:
+        done = False
+    if not done:
+        raise OSError(errno.EIO, "USD could not write it; is the disk full?", str(path))
 
 
 def _stage() -> Any:

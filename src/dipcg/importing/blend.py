@@ -14,6 +14,7 @@ from typing import Any
 
 from dipcg.blender.declaration import digest, read_declaration, write_declaration
 from dipcg.blender.temporary import temporary_folder
+from dipcg.files import write_file
 from dipcg.importing.imported import Imported, Row
 from dipcg.space import did_you_mean
 
@@ -172,7 +173,7 @@ def _free(path: Path) -> Path:
 
 def _write(path: Path, text: str) -> None:
     """Write the file, and delete it again if it cannot be read."""
-    path.write_text(text, encoding="utf-8")
+    write_file(path, text)
     try:
         read_declaration(path)
     except ValueError:

@@ -16,9 +16,10 @@ import torch
 import torch.nn.functional as F
 from jaxtyping import Float
 from safetensors import safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
+from dipcg.files import write_file
 from dipcg.images import Cutout, Source, cut_out
 from dipcg.model.zoo import SHIPPED
 from dipcg.pipeline import Inverter
@@ -53,7 +54,7 @@ class Classifier:
     def save(self, path: Path) -> None:
         """Write the weights as safetensors, with the names and the fingerprint as metadata."""
         about = {"names": json.dumps(self.names), "encoder": self.encoder}
-        save_file({"weight": self.weight.contiguous(), "bias": self.bias.contiguous()}, path, about)
+        write_file(path, save({"weight": self.weight.contiguous(), "bias": self.bias.contiguous()}, about))
 
 
 def load_classifier(inverter: Inverter, path: Path = FILE) -> Classifier | None:

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import UInt8
 
+from dipcg.files import written
+
 # The numbers of calls in the paper's figure 5.
 MARKS = (100, 500, 1000, 2000, 5000, 10_000)
 Tile = UInt8[np.ndarray, "s s 3"]
@@ -96,7 +98,8 @@ def plot_traces(traces: dict[str, Sequence[Line]], path: str | Path) -> None:
         axes.grid(alpha=0.3)
     over_calls.set_ylabel("best distance so far")
     over_calls.legend()
-    figure.savefig(path, dpi=110)
+    with written(path) as unfinished:
+        figure.savefig(unfinished, dpi=110)
 
 
 def labelled(tile: Tile, text: str) -> UInt8[np.ndarray, "h s 3"]:

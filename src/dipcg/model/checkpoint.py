@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file, save
 from torch import Tensor
 
 from dipcg.config import ModelConfig
+from dipcg.files import written
 from dipcg.generators import Generator, load_generator
 from dipcg.model.estimators import AnyEstimator, build_estimator
 from dipcg.model.zoo import CARD, WEIGHTS, CheckpointError
@@ -37,7 +38,6 @@ def write_checkpoint(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     halves = {k: v.half() if v.is_floating_point() else v for k, v in weights.items()}
-    save_file({k: v.contiguous() for k, v in halves.items()}, folder / WEIGHTS)
     card = {
         "generator": generator.name,
         "ref": generator.ref,
@@ -46,7 +46,10 @@ def write_checkpoint(
         **about,
         "space": generator.space.describe(),
     }
-    (folder / CARD).write_text(json.dumps(card, indent=1))
+    # Both are replaced together, so that a card is never that of other weights.
+    with written(folder / CARD) as unfinished:
+        unfinished.with_name(WEIGHTS).write_bytes(save({k: v.contiguous() for k, v in halves.items()}))
+        unfinished.write_text(json.dumps(card, indent=1))
 
 
 def load_checkpoint(folder: str | Path) -> tuple[AnyEstimator, Generator, dict[str, Any]]:

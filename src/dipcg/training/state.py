@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file, save
 from torch import Tensor, nn
 
 from dipcg.config import ModelConfig, TrainConfig
+from dipcg.files import write_file
 
 WEIGHTS = "state.safetensors"
 # A resumed run may change these: they decide how long and where it computes, not what it learns.
@@ -31,10 +32,8 @@ def save_state(
         for index, entry in optimiser.state_dict()["state"].items():
             tensors |= {f"{name}.{index}.{k}": torch.as_tensor(v) for k, v in entry.items()}
     about = counters | {"model": asdict(config[0]), "train": asdict(config[1])}
-    unfinished = folder / f"{WEIGHTS}.tmp"
     # The counters are in the same file, so that no kill leaves them of another moment than the weights.
-    save_file({k: v.contiguous() for k, v in tensors.items()}, unfinished, {"state": json.dumps(about)})
-    unfinished.replace(folder / WEIGHTS)
+    write_file(folder / WEIGHTS, save({k: v.contiguous() for k, v in tensors.items()}, {"state": json.dumps(about)}))
 
 
 def load_state(
