@@ -1,6 +1,8 @@
 """The parameter space: the projection to x and back, what is active, validation and JSON."""
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -223,6 +225,21 @@ def test_the_order_of_parameters_changes_the_fingerprint():
 def test_a_contradictory_declaration_is_refused(parameters, sentence):
     with pytest.raises(ValueError, match=sentence):
         ParameterSpace(*parameters)
+
+
+@pytest.mark.parametrize(
+    ("when", "sentence"),
+    [
+        ({"a": 1}, "b: `when` lists options, as in {'a': (1,)}; got 1."),
+        (("a", 1), "b: `when` is a dictionary from a choice to options, got ('a', 1)."),
+    ],
+)
+def test_conditions_of_a_wrong_type_name_the_parameter(when, sentence):
+    # In a process without the checks of types, as users have it.
+    declaration = f"ParameterSpace(Choice('a', (1, 2)), Real('b', 0.0, 1.0, when={when}))"
+    code = f"from dipcg.space import Choice, ParameterSpace, Real\n{declaration}"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stderr.strip().endswith(f"ValueError: {sentence}")
 
 
 def test_an_unknown_name_gets_the_nearest():

@@ -64,13 +64,17 @@ def _entry_points(kind: str) -> dict[str, EntryPoint]:
 def _load_file(path: Path) -> ModuleType:
     if not path.is_file():
         raise LookupError(f"There is no file {path} (looked for in {Path.cwd()}).")
-    spec = importlib.util.spec_from_file_location(f"dipcg_plugin_{path.stem}", path)
+    spec = importlib.util.spec_from_file_location(f"dipcg_plugin_{path.stem}", path.resolve())
     assert spec is not None, path
     assert spec.loader is not None, path
     module = importlib.util.module_from_spec(spec)
     # Dataclasses look their module up here.
     sys.modules[spec.name] = module
-    with _named(str(path)):
+    folder = str(path.resolve().parent)
+    # The file may import and read others beside it.
+    if folder not in sys.path:
+        sys.path.append(folder)
+    with _named(str(path)), contextlib.chdir(folder):
         spec.loader.exec_module(module)
     return module
 

@@ -273,7 +273,11 @@ def _check_declaration(parameter: Parameter, space: ParameterSpace) -> None:
         raise ValueError(f"{name}: the default {parameter.default} is not from {parameter.low} to {parameter.high}.")
     if isinstance(parameter, Choice) and parameter.inactive not in parameter.options:
         raise ValueError(f"{name}: the default {parameter.default!r} is not one of {parameter.options}.")
+    if not isinstance(parameter.when, Mapping):
+        raise ValueError(f"{name}: `when` is a dictionary from a choice to options, got {parameter.when!r}.")
     for other, allowed in parameter.when.items():
+        if not isinstance(allowed, (tuple, list)):
+            raise ValueError(f"{name}: `when` lists options, as in {{{other!r}: ({allowed!r},)}}; got {allowed!r}.")
         switch = space.parameters[space._index[other]] if other in space else None
         if not isinstance(switch, Choice) or not allowed or not set(allowed) <= set(switch.options):
             raise ValueError(f"{name}: `when` must name a choice and some of its options, got {other}={allowed}.")

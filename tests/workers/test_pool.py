@@ -144,9 +144,37 @@ def test_a_stopped_process_is_gone(pool):
     assert not is_alive(before)
 
 
-def test_chatter_reaches_neither_the_user_nor_the_pipe(pool, capfd):
-    assert pool.build(params("noise")).vertices[2, 1] == 1.5
-    assert capfd.readouterr() == ("", "")
+def test_what_python_prints_reaches_the_terminal_and_neither_stdout_nor_the_pipe(tmp_path, capfd):
+    with BuildPool(write_generator(tmp_path)) as pool:
+        assert pool.build(params("noise")).vertices[2, 1] == 1.5
+    # What is written from C, as by Blender, is dropped.
+    assert capfd.readouterr() == ("", "x" * 100_000 + "\n")
+
+
+def test_an_error_names_the_last_line_of_the_users_file(tmp_path):
+    (tmp_path / "legs.py").write_text("import json\n\ndef legs():\n    return json.loads('no')\n")
+    (tmp_path / "stool.py").write_text(
+        "from dipcg.space import ParameterSpace, Real\nfrom legs import legs\n"
+        "space = ParameterSpace(Real('size', 1.0, 2.0))\ndef build(params):\n    return legs()\n"
+    )
+    with BuildPool(str(tmp_path / "stool.py")) as pool, pytest.raises(BuildError) as error:
+        pool.build({"size": 1.0})
+    assert str(error.value).endswith(" (legs.py, line 4).")
+
+
+def test_files_beside_a_generator_are_found_from_any_folder(tmp_path, monkeypatch):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "beside_triangle.py").write_text("SIZE = 3.0\n")
+    (tmp_path / "mine" / "corners.txt").write_text("0 0 0 1 0 0 0 1 0")
+    (tmp_path / "mine" / "triangle.py").write_text(
+        "import numpy as np\nfrom beside_triangle import SIZE\nfrom dipcg.space import ParameterSpace, Real\n"
+        "space = ParameterSpace(Real('size', 1.0, float(open('corners.txt').read().split()[3]) + SIZE))\n"
+        "def build(params):\n"
+        "    return params['size'] * np.loadtxt('corners.txt').reshape(3, 3), [[0, 1, 2]]\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    with BuildPool("mine/triangle.py") as pool:
+        assert pool.build({"size": 4.0}).side == 4.0
 
 
 def test_results_come_in_order_with_errors_in_their_place(tmp_path):

@@ -9,7 +9,8 @@ Optional in the file:
 or None where a flipped picture shows no asset of this generator;
 `needs`, the packages to install;
 `recycle_after`, the number of builds after which a worker process is replaced;
-`light_faces`, the number of triangles that light meshes are simplified to, where the usual one would lose too much.
+`light_faces`, the number of triangles that light meshes are simplified to, where the usual one would lose too much;
+`blender`, the program of another Blender in whose Python the file runs.
 
 A generator is a pure function: the same parameters give the same mesh, without a clock or global random state. The
 Infinigen adapters set values on Infinigen's own factories and node graphs and copy no code. A node graph is made once
@@ -58,6 +59,7 @@ class Generator:
     needs: tuple[str, ...] = ()
     recycle_after: int = 10_000
     light_faces: int = LIGHT_FACES
+    blender: str = ""
 
     @property
     def missing(self) -> list[str]:
@@ -129,3 +131,4 @@ def as_mesh(built: Any) -> Mesh:
 
 
 _OPTIONAL = ("build_light", "prepare", "views", "views_of", "mirrors", "needs", "recycle_after", "light_faces")
+_OPTIONAL += ("blender",)

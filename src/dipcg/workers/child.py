@@ -12,9 +12,12 @@ import importlib
 import os
 import signal
 import sys
+import sysconfig
+import traceback
 from collections.abc import Callable
 from functools import partial
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
 from dipcg.generators import load_generator
@@ -32,6 +35,10 @@ def serve_builds(pipe: Connection, ref: str) -> None:
     """Prepare a generator once, then build the mesh of each (params, detail) that the pipe brings."""
     try:
         generator = load_generator(ref)
+        if ref.endswith(".py"):
+            _show_prints()
+            # What the file reads is found beside it, from whichever folder the command was typed in.
+            os.chdir(Path(ref).parent)
         generator.prepare()
     except Exception as error:
         return pipe.send(("start", f"The generator could not be loaded, {describe(error)}."))
@@ -65,9 +72,23 @@ def _outcome(work: Callable[[], Any], sentence: str, expected: type[Exception], 
         return "raised", sentence.format(describe(error))
 
 
+def _show_prints() -> None:
+    """Send what Python prints to the terminal, and what Blender writes from C to nowhere, as its standard error is."""
+    sys.stdout = os.fdopen(os.dup(1), "w", buffering=1)
+    os.dup2(2, 1)
+
+
 def describe(error: Exception) -> str:
-    """The type and the message of an error in one line of limited length."""
-    return f"{type(error).__name__}: {' '.join(str(error).split())[:MAX_CHARACTERS]}".rstrip(".: ")
+    """The type and the message of an error in one line of limited length, and the line of a user's file it is from."""
+    message = " ".join(str(error).split())[:MAX_CHARACTERS]
+    return f"{type(error).__name__}: {message}".rstrip(".: ") + _place(error)
+
+
+def _place(error: Exception) -> str:
+    """The last line outside installed packages and this one, such as " (stool.py, line 12)"."""
+    installed = (*map(sysconfig.get_path, ("stdlib", "purelib", "platlib")), str(Path(__file__).parents[1]), "<")
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith(installed)]
+    return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
 
 
 def die_with_parent() -> None:

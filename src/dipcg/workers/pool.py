@@ -110,7 +110,7 @@ class BuildPool:
 
     def _child(self) -> Child:
         if getattr(self._local, "child", None) is None:
-            self._local.child = Child(self.generator.ref)
+            self._local.child = Child(self.generator.ref, blender=self.generator.blender)
             self._children.add(self._local.child)
         return self._local.child
 

@@ -8,12 +8,16 @@ import subprocess
 import sys
 from collections.abc import Callable
 from multiprocessing.connection import Pipe
+from pathlib import Path
 from typing import Any, Literal
 
 from dipcg.blender.temporary import temporary_folder
 from dipcg.space import Params
 
 START_TIMEOUT_S = 120.0
+# The file descriptor of the standard error of this process.
+STDERR = 2
+FOREIGN = Path(__file__).with_name("foreign.py")
 
 # raised: the generator raised an error; unusable: its mesh cannot be used; start: the process did not start.
 Reason = Literal["raised", "unusable", "timeout", "crashed", "start"]
@@ -38,21 +42,33 @@ class BuildError(RuntimeError):
         return f"`dipcg edit` builds it again from a file with: {file}"
 
 
-class Child:
-    """One process that runs `dipcg.workers.child`, and the pipe to it; one thread uses it."""
+def _program(blender: str) -> list[str]:
+    """The command line of a child up to its arguments."""
+    if not blender:
+        return [sys.executable, "-m", "dipcg.workers.child"]
+    if "python" in Path(blender).name.lower():
+        return [blender, str(FOREIGN)]
+    return [blender, "--background", "--factory-startup", "--python-exit-code", "1", "--python", str(FOREIGN), "--"]
 
-    def __init__(self, ref: str, kind: str = "build") -> None:
+
+class Child:
+    """One process that runs `dipcg.workers.child`, and the pipe to it; one thread uses it.
+
+    `blender` is another Blender to run it in, or a Python that has Blender's module.
+    """
+
+    def __init__(self, ref: str, kind: str = "build", blender: str = "") -> None:
         self.builds = 0
         self._ready = False
         self._folder, environment = temporary_folder()
         self._pipe, theirs = Pipe()
         with theirs:
-            command = [sys.executable, "-m", "dipcg.workers.child", kind, str(theirs.fileno()), ref]
             self._process = subprocess.Popen(
-                command,
+                [*_program(blender), kind, str(theirs.fileno()), ref],
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
+                # What a file of a user prints is for the terminal, and not part of what a command prints.
+                stdout=STDERR if ref.endswith(".py") else subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
                 env=environment,
                 # Ctrl-C in the terminal reaches the caller alone, which then stops this process.

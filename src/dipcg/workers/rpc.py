@@ -19,15 +19,16 @@ class Blender:
     """A child process that runs functions of `dipcg.blender`; a context manager.
 
     It is not one of those that build: a generator keeps its node graphs in its process, and scenes made here would
-    disturb them. Raises ModuleNotFoundError with the command that helps when Blender's module is not installed.
+    disturb them. `program` is another Blender to run. Raises ModuleNotFoundError with the command that helps when
+    Blender's module is not installed.
     """
 
-    def __init__(self) -> None:
-        if find_spec("bpy") is None:
+    def __init__(self, program: str = "") -> None:
+        if not program and find_spec("bpy") is None:
             raise ModuleNotFoundError(
                 "Blender's module is missing: run `pip install 'dipcg[infinigen]'` (Python 3.11)."
             )
-        self._child = Child("", "call")
+        self._child = Child("", "call", program)
 
     def call(
         self, function: str, *arguments: Any, progress: Progress | None = None, timeout_s: float = TIMEOUT_S
