@@ -257,6 +257,28 @@ def test_closing_stops_even_a_hanging_build_at_once(tmp_path):
     assert waiting.cancelled()
 
 
+def test_builds_that_hang_keep_no_other_build_waiting(tmp_path):
+    with BuildPool(write_generator(tmp_path), workers=1, timeout_s=60.0) as pool:
+        hanging = [pool.submit(params("hang")) for _ in range(2)]
+        started = time.monotonic()
+        assert pool.build(params()).vertices[2, 1] == 1.5
+        assert time.monotonic() - started < 20
+        assert not any(future.done() for future in hanging)
+
+
+def test_the_lowest_priority_is_built_first_and_a_cancelled_build_never(tmp_path):
+    done: list[str] = []
+    with BuildPool(write_generator(tmp_path), workers=1) as pool:
+        first = pool.submit(params("slow"))
+        later, sooner, never = (pool.submit(params(), priority=priority) for priority in (2, 1, 0))
+        for name, future in (("later", later), ("sooner", sooner)):
+            future.add_done_callback(lambda _, name=name: done.append(name))
+        assert never.cancel()
+        later.result()
+    assert first.done()
+    assert done == ["sooner", "later"]
+
+
 SCRIPT = """
 import sys
 from dipcg.workers.pool import BuildPool

@@ -6,17 +6,17 @@ guard is needed in the caller's script, and neither torch nor an OpenGL context 
 
 from __future__ import annotations
 
-import threading
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from typing import NamedTuple
 
 from dipcg.generators import Detail, Generator, load_generator
 from dipcg.mesh import Mesh
 from dipcg.space import Params
 from dipcg.workers.process import BuildError, Child
+from dipcg.workers.turns import Turns
 
 # Builds per worker that `timed` keeps waiting or done, so that no worker idles.
 AHEAD = 4
@@ -34,7 +34,8 @@ class Built(NamedTuple):
 class BuildPool:
     """`workers` child processes that build meshes of one generator; use it as a context manager.
 
-    A build that takes longer than `timeout_s` fails, and the others go on. Processes start at their first use.
+    A build that takes longer than `timeout_s` fails, and the others go on; while one is slow, another process builds
+    beside it. Processes start at their first use.
     Raises LookupError for an unknown generator and ModuleNotFoundError when a package it needs is not installed.
     """
 
@@ -42,18 +43,19 @@ class BuildPool:
         self.generator = load_generator(generator) if isinstance(generator, str) else generator
         self.generator.check_installed()
         self.timeout_s = timeout_s
-        self._local = threading.local()
         self._children: set[Child] = set()
-        self._threads = ThreadPoolExecutor(workers, thread_name_prefix="build")
+        # Children without work. The last that worked is used first, so that no more run than are needed.
+        self._idle: list[Child] = []
+        self._turns = Turns(workers)
         self._workers = workers
 
     def build(self, params: Params, detail: Detail = "full") -> Mesh:
         """Build one mesh; raises BuildError with a sentence."""
         return self.submit(params, detail).result()
 
-    def submit(self, params: Params, detail: Detail = "full") -> Future[Mesh]:
-        """Start one build; the future's result is the mesh or a BuildError."""
-        return self._threads.submit(lambda: self._build(params, detail)[0])
+    def submit(self, params: Params, detail: Detail = "full", priority: int = 0) -> Future[Mesh]:
+        """Start one build; the future's result is the mesh or a BuildError. Lower priorities are built first."""
+        return self._turns.submit(lambda: self._build(params, detail)[0], priority)
 
     def map(self, many: Iterable[Params], detail: Detail = "light") -> Iterator[Mesh | BuildError]:
         """Build many in parallel, in order; the error of a failed one stands in its place.
@@ -66,7 +68,7 @@ class BuildPool:
         """As `map`, each with its parameters and the seconds that its worker took."""
         ahead: deque[tuple[Params, Future[tuple[Mesh, float]]]] = deque()
         for params in many:
-            ahead.append((params, self._threads.submit(self._build, params, detail)))
+            ahead.append((params, self._turns.submit(lambda params=params: self._build(params, detail))))
             if len(ahead) > AHEAD * self._workers:
                 yield _outcome(*ahead.popleft())
         while ahead:
@@ -74,18 +76,16 @@ class BuildPool:
 
     def warm(self) -> None:
         """Start every worker in the background, so that the first build need not wait."""
-        for _ in range(self._workers):
-            self._threads.submit(self._child)
+        self._idle += [self._new_child() for _ in range(self._workers - len(self._children))]
 
     def close(self) -> None:
         """Stop all workers at once."""
-        self._threads.shutdown(wait=False, cancel_futures=True)
-        for child in list(self._children):
-            child.stop()
-        self._threads.shutdown(wait=True)
-        # One may have been started meanwhile.
-        for child in list(self._children):
-            child.stop()
+        self._turns.close()
+        # A build that is just starting may start one more child.
+        while self._children or self._turns.is_busy:
+            for child in list(self._children):
+                self._discard(child)
+            time.sleep(0.01)
 
     def __enter__(self) -> BuildPool:
         return self
@@ -94,30 +94,40 @@ class BuildPool:
         self.close()
 
     def _build(self, params: Params, detail: Detail) -> tuple[Mesh, float]:
-        child = self._child()
+        child = self._idle_child()
         try:
             child.start()
+            self._turns.begin()
             started = time.perf_counter()
             mesh = child.request((params, detail), self.timeout_s)
             seconds = time.perf_counter() - started
         except BuildError as error:
-            if error.reason not in ("raised", "unusable"):
-                self._discard(child)
+            self._put_back(child, error.reason in ("raised", "unusable"))
             raise BuildError(error.reason, str(error), params, self.generator.ref) from None
-        if child.builds >= self.generator.recycle_after:
-            self._discard(child)
+        self._put_back(child, child.builds < self.generator.recycle_after)
         return mesh, seconds
 
-    def _child(self) -> Child:
-        if getattr(self._local, "child", None) is None:
-            self._local.child = Child(self.generator.ref, blender=self.generator.blender)
-            self._children.add(self._local.child)
-        return self._local.child
+    def _idle_child(self) -> Child:
+        try:
+            return self._idle.pop()
+        except IndexError:
+            return self._new_child()
+
+    def _new_child(self) -> Child:
+        child = Child(self.generator.ref, blender=self.generator.blender)
+        self._children.add(child)
+        return child
+
+    def _put_back(self, child: Child, usable: bool) -> None:
+        """Keep a child for the next build, unless there are enough without it."""
+        if usable and len(self._idle) < self._workers:
+            self._idle.append(child)
+        else:
+            self._discard(child)
 
     def _discard(self, child: Child) -> None:
         child.stop()
         self._children.discard(child)
-        self._local.child = None
 
 
 def _outcome(params: Params, future: Future[tuple[Mesh, float]]) -> Built:
