@@ -21,9 +21,9 @@ from dipcg.generators import Detail, Generator
 from dipcg.images import Background, Cutout, Source, prepare
 from dipcg.mesh import Mesh
 from dipcg.model.checkpoint import load_checkpoint
-from dipcg.model.constraints import Fixed, check_fixed, encode_fixed, needed_options
-from dipcg.model.denoiser import Condition, Prediction
+from dipcg.model.constraints import check_fixed, encode_all_fixed, needed_options
 from dipcg.model.estimators import AnyEstimator
+from dipcg.model.posterior import Posterior
 from dipcg.model.uncertainty import calibrated, central_first, spread
 from dipcg.model.zoo import find_checkpoint
 from dipcg.space import Choice, Params, Value
@@ -91,6 +91,15 @@ class Estimate:
         return self.candidates[0].view
 
 
+class Asked(NamedTuple):
+    """One estimate that is asked for: the prepared picture, the seed of its noise, and the values that are fixed."""
+
+    picture: UInt8[np.ndarray, "s s 4"]
+    background: Background | Literal["words"]
+    seed: int
+    fixed: Mapping[str, Any]
+
+
 class Inverter:
     """A trained estimator of one generator, with the workers that build its meshes; a context manager.
 
@@ -145,9 +154,19 @@ class Inverter:
         if not images:
             raise ValueError("Give at least one picture.")
         prepared = [self._prepare(image) for image in images]
-        features = [self.features(picture) for picture, _ in prepared]
-        together = Features(*(torch.cat(parts) for parts in zip(*features, strict=True)))
-        return self._estimate(together, *prepared[0], candidates, steps, seed, fixed)
+        asked = [Asked(*prepared[0], seed, fixed or {})]
+        return self._estimate(self.features(*(picture for picture, _ in prepared)), asked, candidates, steps)[0]
+
+    @torch.inference_mode()
+    def estimate_many(
+        self, pictures: Sequence[tuple[Cutout, int, Mapping[str, Any]]], candidates: int = 16, steps: int | None = None
+    ) -> list[Estimate]:
+        """Estimate several objects together, each from its own picture, with its own seed and fixed values.
+
+        One pass of the network is faster than one for each. Raises what `estimate` does.
+        """
+        asked = [Asked(*self._prepare(picture), seed, fixed) for picture, seed, fixed in pictures]
+        return self._estimate(self.features(*(one.picture for one in asked)), asked, candidates, steps)
 
     @torch.inference_mode()
     def describe(
@@ -167,7 +186,7 @@ class Inverter:
         if self.image_size:
             raise ValueError("This checkpoint reads pictures, not words; give it a picture.")
         features = self.model.encoder(embed([check_text(text)]))
-        return self._estimate(features, NO_PICTURE, "words", candidates, steps, seed, fixed)
+        return self._estimate(features, [Asked(NO_PICTURE, "words", seed, fixed or {})], candidates, steps)[0]
 
     @torch.inference_mode()
     def guess(self, image: Source | Cutout) -> Candidate:
@@ -175,9 +194,9 @@ class Inverter:
         guess = self.model.outputs.modes(self.model.first_guess(self.features(self._prepare(image)[0])))
         return self._candidate(guess[0].double().numpy(), {})
 
-    def features(self, picture: UInt8[np.ndarray, "s s 4"]) -> Features:
-        """The encoder's features of a prepared picture."""
-        return self.model.encoder(encoder_input(picture))
+    def features(self, *pictures: UInt8[np.ndarray, "s s 4"]) -> Features:
+        """The encoder's features of prepared pictures, a row for each."""
+        return self.model.encoder(torch.cat([encoder_input(picture) for picture in pictures]))
 
     def build(self, params: Params, detail: Detail = "full") -> Asset:
         """Build parameters in a worker process; raises BuildError with a sentence."""
@@ -213,78 +232,65 @@ class Inverter:
         return prepare(image, self.image_size)
 
     def _estimate(
-        self,
-        features: Features,
-        picture: UInt8[np.ndarray, "s s 4"],
-        background: Background | Literal["words"],
-        candidates: int,
-        steps: int | None,
-        seed: int,
-        fixed: Mapping[str, Any] | None,
-    ) -> Estimate:
+        self, features: Features, asked: Sequence[Asked], candidates: int, steps: int | None
+    ) -> list[Estimate]:
+        """An estimate for each that was asked for; `features` has a row for each, or several for the only one."""
         steps = self.model.config.steps if steps is None else steps
         if min(candidates, steps) < 1:
             raise ValueError(f"candidates and steps must be at least 1, got {candidates} and {steps}.")
-        space, condition = self.generator.space, self.model.condition(features)
-        size = (EXPECTED_OVER + candidates - 1, len(space) + VIEW_NUMBERS)
-        drawn = torch.from_numpy(np.random.default_rng(seed).standard_normal(size)).float()
-        noise, more = drawn[:EXPECTED_OVER], drawn[EXPECTED_OVER:]
-        values = self._fix_needed(check_fixed(space, fixed or {}), condition, noise)
-        entries = encode_fixed(space, values, VIEW_NUMBERS)
-        mean = self._expect(condition, noise, entries)
-        expected = self._candidate(self._modes(mean, entries)[0], values)
-        samples = [self._candidate(x, values) for x in self._draw(condition, more, steps, entries, mean)]
+        views = len(features.summary) // len(asked)
+        posterior = Posterior(self.model, self.model.condition(features), len(asked), views)
+        size = (EXPECTED_OVER + candidates - 1, len(self.generator.space) + VIEW_NUMBERS)
+        normal = np.stack([np.random.default_rng(one.seed).standard_normal(size) for one in asked])
+        noise = torch.from_numpy(normal).float()
+        values = [self._fix_needed(one.fixed, posterior.of(i), noise[i, :EXPECTED_OVER]) for i, one in enumerate(asked)]
+        fixed = encode_all_fixed(self.generator.space, values, VIEW_NUMBERS)
+        mean = posterior.expect(noise[:, :EXPECTED_OVER], fixed)
+        modes, drawn = posterior.modes(mean, fixed), np.empty((len(asked), 0, noise.shape[-1]))
+        if candidates > 1:
+            samples = posterior.draw(noise[:, EXPECTED_OVER:], steps, fixed)
+            drawn = posterior.modes(samples, fixed).reshape(len(asked), candidates - 1, -1)
+        rows = zip(asked, values, modes, drawn, mean.logits.exp(), strict=True)
+        return [self._as_estimate(*row) for row in rows]
+
+    def _as_estimate(
+        self,
+        asked: Asked,
+        fixed: Params,
+        mode: Float[np.ndarray, " d"],
+        drawn: Float[np.ndarray, "k d"],
+        shares: Tensor,
+    ) -> Estimate:
+        space, free = self.generator.space, ~self.model.outputs.is_choice.numpy()
+        free[[space.names.index(name) for name in fixed]] = False
+        expected = self._candidate(mode, fixed)
+        drawn = calibrated(drawn, mode, self.model.config.calibration_scale, free)
+        samples = [self._candidate(x, fixed) for x in drawn]
+        points = np.reshape([np.r_[space.encode(c.params), encode_view(c.view)] for c in samples], drawn.shape)
         return Estimate(
             generator=self.generator.name,
             ref=self.generator.ref,
-            candidates=[expected, *(samples[i] for i in central_first(self._points(samples)))],
+            candidates=[expected, *(samples[i] for i in central_first(points))],
             spread=spread(space, expected.params, [c.params for c in samples or [expected]]),
-            probabilities=self._probabilities(mean, values),
-            image=picture,
-            background=background,
+            probabilities=self._probabilities(shares, fixed),
+            image=asked.picture,
+            background=asked.background,
             expected=expected,
-            fixed=values,
+            fixed=fixed,
         )
 
-    def _expect(self, condition: Condition, noise: Tensor, fixed: Fixed) -> Prediction:
-        """The mean of reals and the probabilities of choices: what the denoiser expects before its first step.
-
-        It is nearer to the truth on average than a sample, which also draws what the picture leaves open.
-        """
-        first, outputs = self._sample(condition, noise, self.model.config.expecting_steps, fixed), self.model.outputs
-        probability = outputs.log_probabilities(first.logits).exp().mean(0, keepdim=True)
-        return Prediction(first.mean.mean(0, keepdim=True), probability.log())
-
-    def _draw(
-        self, condition: Condition, noise: Tensor, steps: int, fixed: Fixed, mean: Prediction
-    ) -> Float[np.ndarray, "k d"]:
-        if not len(noise):
-            return np.empty((0, noise.shape[1]))
-        samples = self._modes(self._sample(condition, noise, steps, fixed), fixed)
-        free = ~(self.model.outputs.is_choice | fixed.mask).numpy()
-        return calibrated(samples, self._modes(mean, fixed)[0], self.model.config.calibration_scale, free)
-
-    def _sample(self, condition: Condition, noise: Tensor, steps: int, fixed: Fixed) -> Prediction:
-        views, count = len(condition.summary), len(noise)
-        values, mask = (part.repeat(views * count, 1) for part in fixed)
-        noise, every = noise.repeat(views, 1), condition.repeat(count)
-        drawn = self.model.sample(every, noise, steps, values, mask, views)
-        return Prediction(drawn.mean[:count], drawn.logits[:count])
-
-    def _modes(self, prediction: Prediction, fixed: Fixed) -> Float[np.ndarray, "k d"]:
-        return torch.where(fixed.mask, fixed.values, self.model.outputs.modes(prediction)).double().numpy()
-
-    def _fix_needed(self, fixed: Params, condition: Condition, noise: Tensor) -> Params:
+    def _fix_needed(self, fixed: Mapping[str, Any], posterior: Posterior, noise: Float[Tensor, "n d"]) -> Params:
         """The fixed values, and each choice without which one of them does nothing, at its likeliest fitting option."""
-        options = needed_options(self.generator.space, fixed)
+        values = check_fixed(self.generator.space, fixed)
+        options = needed_options(self.generator.space, values)
         if not options:
-            return fixed
-        expected = self._expect(condition, noise, encode_fixed(self.generator.space, fixed, VIEW_NUMBERS))
-        probabilities = self._probabilities(expected, fixed)
-        return fixed | {name: max(fitting, key=probabilities[name].__getitem__) for name, fitting in options.items()}
+            return values
+        expected = posterior.expect(noise[None], encode_all_fixed(self.generator.space, [values], VIEW_NUMBERS))
+        probabilities = self._probabilities(expected.logits.exp()[0], values)
+        return values | {name: max(fitting, key=probabilities[name].__getitem__) for name, fitting in options.items()}
 
-    def _probabilities(self, expected: Prediction, fixed: Params) -> dict[str, dict[Value, float]]:
-        shares = iter(expected.logits.exp()[0].tolist())
+    def _probabilities(self, of_options: Tensor, fixed: Params) -> dict[str, dict[Value, float]]:
+        shares = iter(of_options.tolist())
         choices = [p for p in self.generator.space if isinstance(p, Choice)]
         free = {p.name: {option: next(shares) for option in p.options} for p in choices}
         return free | {p.name: {o: float(o == fixed[p.name]) for o in p.options} for p in choices if p.name in fixed}
@@ -292,8 +298,3 @@ class Inverter:
     def _candidate(self, x: Float[np.ndarray, " d"], fixed: Params) -> Candidate:
         params = self.generator.space.replace(self.generator.space.decode(x[:-VIEW_NUMBERS]), fixed)
         return Candidate(params, decode_view(x[-VIEW_NUMBERS:]))
-
-    def _points(self, candidates: list[Candidate]) -> Float[np.ndarray, "n d"]:
-        space = self.generator.space
-        points = [np.r_[space.encode(c.params), encode_view(c.view)] for c in candidates]
-        return np.array(points).reshape(len(candidates), len(space) + VIEW_NUMBERS)

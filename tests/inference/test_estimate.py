@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from boxes import TINY, picture, untrained, write_ball
+from boxes import BOX, TINY, picture, untrained, write_ball
 
 import dipcg.images
 from dipcg.images import cut_out
-from dipcg.inference.estimate import Options, Result, describe, estimate
+from dipcg.inference.estimate import Options, Result, describe, estimate, look, look_at_many
 from dipcg.inference.inverters import Inverters
 from dipcg.inference.rank import rank
 from dipcg.inference.serialise import to_dict
@@ -121,3 +121,27 @@ def test_json_has_the_old_name_of_the_probabilities_too(inverters, image):
         "generator", "generators", "candidates", "spread", "probabilities", "chances", "misfit", "doubt", "trace",
     }  # fmt: skip
     assert values["candidates"][0].keys() == {"params", "view", "agreement"}
+
+
+def test_pictures_that_are_estimated_together_get_what_each_gets_alone(inverters, image):
+    inverter, other = inverters["box"], np.ascontiguousarray(image[:, ::-1])
+    asked: list = [
+        (cut_out(image), 3, {"width": 0.4}),
+        (cut_out(other), 4, {}),
+        (cut_out(image), 5, {"lid_height": 0.2}),
+    ]
+    together = inverter.estimate_many(asked, candidates=3)
+    for found, (cutout, seed, fixed) in zip(together, asked, strict=True):
+        alone = inverter.estimate(cutout, 3, seed=seed, fixed=fixed)
+        assert found.fixed == alone.fixed
+        for one, same in zip(found.candidates, alone.candidates, strict=True):
+            np.testing.assert_allclose(BOX.encode(one.params), BOX.encode(same.params), atol=1e-4)
+        assert found.spread == pytest.approx(alone.spread, abs=1e-4)
+
+
+def test_pictures_that_are_looked_at_together_get_what_each_gets_alone(inverters, image):
+    asked = [(cut_out(image), Options(generator=name, candidates=2, seed=n)) for n, name in enumerate(("box", "ball"))]
+    together = look_at_many([*asked, (cut_out(image), Options(candidates=2))], inverters)
+    assert together[2] is None, "which of the two it is, the network alone does not say"
+    for found, (cutout, options) in zip(together[:2], asked, strict=True):
+        assert plain(found) == plain(look([cutout], inverters, options))

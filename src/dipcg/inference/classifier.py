@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,8 +43,13 @@ class Classifier:
 
         Raises images.ImageError.
         """
+        return self.classify_many([cut_out(picture)], inverter)[0]
+
+    def classify_many(self, pictures: Sequence[Cutout], inverter: Inverter) -> list[dict[str, float]]:
+        """As `classify`, for several pictures in one pass of the encoder."""
         with torch.inference_mode():
-            return self.probabilities(inverter.features(cut_out(picture).crop(inverter.image_size)).summary)
+            features = inverter.features(*(picture.crop(inverter.image_size) for picture in pictures))
+            return [self.probabilities(summary[None]) for summary in features.summary]
 
     def probabilities(self, summary: Float[Tensor, "1 w"]) -> dict[str, float]:
         """The probability of each class given an encoder's summary, the likeliest first."""

@@ -7,10 +7,11 @@ doubtful. A picture is cut out once, and no network is loaded twice.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from dipcg.images import Cutout, Source, cut_out
+from dipcg.inference.classifier import among
 from dipcg.inference.inverters import Inverters
 from dipcg.inference.rank import rank
 from dipcg.inference.recognise import doubt, recognise
@@ -57,6 +58,8 @@ class Result:
     """a sentence when the picture seems to show nothing that the generator makes"""
     view_doubts: list[str | None] = field(default_factory=list)
     """the same for each further picture, which may show another object"""
+    classes: dict[str, float] = field(default_factory=dict)
+    """of all generators that the classifier knows, its probabilities for the picture"""
 
 
 def estimate(
@@ -74,14 +77,47 @@ def estimate(
         raise ValueError("Give at least one picture.")
     report(0.05, "Looking at the picture")
     views = [cut_out(picture) for picture in pictures]
+    found = look(views, inverters, options, report)
+    inverter = inverters[found.estimate.generator]
+    result = ranked(found, _rank(found.estimate, inverter, options, report))
+    view_doubts = [_doubt_view(view, result.estimate, inverter, inverters, options) for view in views[1:]]
+    return replace(result, view_doubts=view_doubts)
+
+
+def look(views: Sequence[Cutout], inverters: Inverters, options: Options, report: Report = _report_nothing) -> Result:
+    """The part of `estimate` before the ranking: recognise the generator, and estimate with the network."""
     classes = inverters.classify(views[0])
     probabilities = _recognise(inverters, options, lambda: recognise(views[0], inverters, classes))
     inverter = inverters.find(options.generator or next(iter(probabilities)))
     report(0.1, "Estimating the parameters")
-    unranked = inverter.estimate_views(views, options.candidates, options.steps, options.seed, options.fixed)
-    ranked = _rank(unranked, inverter, options, report)
-    view_doubts = [_doubt_view(view, ranked, inverter, inverters, options) for view in views[1:]]
-    return Result(ranked, probabilities, doubt(ranked, classes), view_doubts)
+    found = inverter.estimate_views(views, options.candidates, options.steps, options.seed, options.fixed)
+    return ranked(Result(found, probabilities, classes=classes), found)
+
+
+def look_at_many(asked: Sequence[tuple[Cutout, Options]], inverters: Inverters) -> list[Result | None]:
+    """As `look` for several objects, each from its own picture, in one pass of the network for each generator.
+
+    None stands for a picture whose generator the network alone does not recognise. Raises what `estimate` does.
+    """
+    many_classes = inverters.classify_many([picture for picture, _ in asked])
+    results: list[Result | None] = [None] * len(asked)
+    groups: dict[tuple[str, int, int | None], list[tuple[int, dict[str, float]]]] = {}
+    for i, ((_, options), classes) in enumerate(zip(asked, many_classes, strict=True)):
+        if options.generator or len(inverters) == 1 or inverters.keys() <= classes.keys():
+            probabilities = _recognise(inverters, options, lambda classes=classes: among(classes, inverters))
+            name = options.generator or next(iter(probabilities))
+            groups.setdefault((name, options.candidates, options.steps), []).append((i, probabilities))
+    for (name, candidates, steps), members in groups.items():
+        pictures = [(asked[i][0], asked[i][1].seed, asked[i][1].fixed) for i, _ in members]
+        found = inverters.find(name).estimate_many(pictures, candidates, steps)
+        for (i, probabilities), one in zip(members, found, strict=True):
+            results[i] = ranked(Result(one, probabilities, classes=many_classes[i]), one)
+    return results
+
+
+def ranked(result: Result, estimate: Estimate) -> Result:
+    """The result with the estimate after ranking, and with what is doubtful about that."""
+    return replace(result, estimate=estimate, doubt=doubt(estimate, result.classes))
 
 
 def describe(text: str, inverters: Inverters, options: Options = Options(), report: Report = _report_nothing) -> Result:

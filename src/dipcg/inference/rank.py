@@ -49,19 +49,36 @@ def rank(estimate: Estimate, inverter: Inverter, report: Callable[[int], None] =
     Candidates that are nearly the same are merged; one that cannot be built goes last. `report` is called with the
     number of candidates that are built. The misfit is 1 minus the highest agreement.
     """
-    judge = Judge(estimate, inverter.generator.space)
+    meshes = light_meshes(inverter, [candidate.params for candidate in estimate.candidates])
+    return order(estimate, meshes, inverter.generator.space, report)
+
+
+def order(
+    estimate: Estimate,
+    meshes: Iterable[Mesh | BuildError],
+    space: ParameterSpace,
+    report: Callable[[int], None] = lambda built: None,
+) -> Estimate:
+    """As `rank`, with light meshes from elsewhere, one for each candidate, or the error in its place.
+
+    A candidate that has its agreement is not compared with the picture again.
+    """
+    judge, seen = Judge(estimate, space), []
     try:
-        meshes = light_meshes(inverter, [candidate.params for candidate in estimate.candidates])
-        seen = []
         for number, (candidate, mesh) in enumerate(zip(estimate.candidates, meshes, strict=True), 1):
-            built = not isinstance(mesh, BuildError)
-            seen.append(judge.align(judge.look(replace(candidate, mesh=mesh)), FEW_RENDERS) if built else candidate)
+            seen.append(_compared(judge, candidate, mesh))
             report(number)
         first, *others = judge.safest_first(judge.best_first(seen))
         ordered = [judge.align(first), *others]
     finally:
         judge.close()
-    return with_candidates(estimate, merge(ordered, judge.space))
+    return with_candidates(estimate, merge(ordered, space))
+
+
+def _compared(judge: Judge, candidate: Candidate, mesh: Mesh | BuildError) -> Candidate:
+    if isinstance(mesh, BuildError) or candidate.agreement is not None:
+        return candidate
+    return judge.align(judge.look(replace(candidate, mesh=mesh)), FEW_RENDERS)
 
 
 def light_meshes(inverter: Inverter, many: Iterable[Params]) -> Iterator[Mesh | BuildError]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import torch
@@ -15,10 +15,13 @@ Options = tuple[Value, ...]
 
 
 class Fixed(NamedTuple):
-    """The entries of x that are fixed: their values, which are 0 elsewhere, and the mask that says which they are."""
+    """The entries of x that are fixed: their values, which are 0 elsewhere, and the mask that says which they are.
 
-    values: Float[Tensor, " d"]
-    mask: Bool[Tensor, " d"]
+    Of several estimates each has a row.
+    """
+
+    values: Float[Tensor, "*b d"]
+    mask: Bool[Tensor, "*b d"]
 
 
 def check_fixed(space: ParameterSpace, fixed: Mapping[str, Any]) -> Params:
@@ -51,6 +54,12 @@ def encode_fixed(space: ParameterSpace, fixed: Params, free: int) -> Fixed:
         index, parameter = space.find(name)
         values[index], mask[index] = parameter.encode(value), True
     return Fixed(values, mask)
+
+
+def encode_all_fixed(space: ParameterSpace, many: Sequence[Params], free: int) -> Fixed:
+    """The fixed entries of several estimates, a row for each."""
+    rows = [encode_fixed(space, fixed, free) for fixed in many]
+    return Fixed(torch.stack([row.values for row in rows]), torch.stack([row.mask for row in rows]))
 
 
 def _check_active(name: str, choice: str, allowed: Options, value: Value) -> None:
