@@ -7,7 +7,7 @@ ENV UV_CACHE_DIR=/cache UV_LINK_MODE=copy UV_COMPILE_BYTECODE=1 PIP_NO_CACHE_DIR
 # Only the installation needs the compiler.
 RUN --mount=type=cache,target=/cache --mount=type=cache,target=/var/lib/apt/lists \
     apt-get update && apt-get install -y --no-install-recommends make && \
-    make install EXTRAS=infinigen,app,usd,words && \
+    make install EXTRAS=infinigen,app,heic,usd,words && \
     apt-get purge -y g++ make && apt-get autoremove -y
 RUN useradd --create-home dipcg
 USER dipcg

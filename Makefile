@@ -17,7 +17,7 @@
 # security holes and compile one of them for many minutes.
 SHELL := /bin/bash
 VENV ?= .venv
-EXTRAS ?= infinigen,app,usd,train,cluster,words,foundation,dev
+EXTRAS ?= infinigen,app,heic,usd,train,cluster,words,foundation,dev
 PYTHON ?= 3.11
 TORCH ?= $(if $(CI)$(PIP_FIND_LINKS)$(PIP_INDEX_URL),,auto)
 CONSTRAINTS ?= constraints.txt

@@ -41,7 +41,8 @@ ROOMS = {
     "workers": Room("generators"),
     "generators": Room("blender", blender="in functions"),
     "blender": Room("root", blender="in functions"),
-    "encoders": Room("root", torch="anywhere"),
+    "encoders": Room("images", torch="anywhere"),
+    "images": Room("root", torch="anywhere"),
     "metrics": Room("root", torch="anywhere"),
     "root": Room(""),
 }

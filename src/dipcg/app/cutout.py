@@ -82,5 +82,5 @@ def _masked(image: UInt8[np.ndarray, "h w 4"], mask: Source | None) -> UInt8[np.
 
 
 def _marked_as_cut(image: UInt8[np.ndarray, "h w 4"]) -> UInt8[np.ndarray, "H W 4"]:
-    """All of the picture kept: a transparent border says that it was cut out already."""
-    return np.pad(image, ((max(4, len(image) // 64),) * 2, (max(4, image.shape[1] // 64),) * 2, (0, 0)))
+    """All of the picture kept: a wide transparent border says that it was cut out already."""
+    return np.pad(image, ((len(image) // 4 + 1,) * 2, (image.shape[1] // 4 + 1,) * 2, (0, 0)))
