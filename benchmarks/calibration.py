@@ -68,7 +68,7 @@ def measured(checkpoint: str, data: str, split: str, scale: float | None = None)
         config = inverter.model.config
         inverter.model.config = replace(config, calibration_scale=config.calibration_scale if scale is None else scale)
         for case in split_cases(data, COUNT, split=split):
-            add(found, case, inverter.estimate(case.image, 1 + SAMPLES), inverter.generator.space, rng)
+            add(found, case, inverter.estimate(case.image, 1 + 2 * SAMPLES), inverter.generator.space, rng)
     return found
 
 
@@ -86,8 +86,9 @@ def add(found: Found, case: Case, estimate: Estimate, space: ParameterSpace, rng
     """Note where the truth lies for every parameter that it has active."""
     truth = case.params
     assert truth is not None
-    drawn = np.array([space.encode(c.params) for c in estimate.candidates[1:]])
-    active = np.array([space.active(c.params) for c in estimate.candidates[1:]])
+    # Up to half of the candidates assume an option, and are no samples.
+    samples = [c.params for c in estimate.candidates[1:] if not c.assumed][:SAMPLES]
+    drawn, active = (np.array([of(params) for params in samples]) for of in (space.encode, space.active))
     centre, right = space.encode(estimate.expected.params), space.encode(truth)
     for i in np.flatnonzero(space.active(truth)):
         parameter = space.parameters[i]

@@ -6,7 +6,7 @@ image -> tokens -> x -> params -> mesh
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -14,81 +14,30 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from dipcg.camera import VIEW_NUMBERS, View, decode_view, encode_view
+from dipcg.camera import VIEW_NUMBERS, decode_view, encode_view
 from dipcg.encoders import Features, encoder_input
 from dipcg.export.asset import Asset
 from dipcg.generators import Detail, Generator
 from dipcg.images import Background, Cutout, Source, prepare
-from dipcg.mesh import Mesh
+from dipcg.model.alternatives import alternatives
 from dipcg.model.checkpoint import load_checkpoint
 from dipcg.model.constraints import check_fixed, encode_all_fixed, needed_options
 from dipcg.model.estimators import AnyEstimator
 from dipcg.model.posterior import Posterior
 from dipcg.model.uncertainty import calibrated, central_first, spread
 from dipcg.model.zoo import find_checkpoint
+from dipcg.results import Candidate, Estimate, Step
 from dipcg.space import Choice, Params, Value
 from dipcg.workers.pool import BuildPool
+
+__all__ = ["Candidate", "Estimate", "Inverter", "Step"]
 
 # The picture of an estimate from text.
 NO_PICTURE = np.zeros((128, 128, 4), np.uint8)
 # Draws of noise over which the expected candidate is averaged.
 EXPECTED_OVER = 8
 
-
-@dataclass(frozen=True)
-class Candidate:
-    """One object that the picture may show: parameters and the camera that saw them.
-
-    `agreement`, from 0 to 1, says how well its render matches the picture. It and the light `mesh` are None until
-    `rank` has built the candidate, and when it cannot be built.
-    """
-
-    params: Params
-    view: View
-    agreement: float | None = None
-    mesh: Mesh | None = None
-
-
-class Step(NamedTuple):
-    """How far a search is: seconds and builds since its start, and the misfit of the best candidate so far."""
-
-    seconds: float
-    builds: int
-    misfit: float
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """What a picture shows, as plain data: the expected candidate, then samples, the most central first.
-
-    `generator` is a name, `ref` that name or a file, as `load_generator` reads it. `spread` has for each parameter the
-    standard deviation over the samples (reals, in natural units) or the share of samples that agree with the expected
-    candidate (choices). `probabilities` has those of the options of each choice, where the choice is active. `expected`
-    is the expected candidate whatever the order, `fixed` the values that were fixed. `misfit`, from 0 to 1 and None
-    before ranking, is 1 minus the best agreement; `trace` says how `refine` lowered it.
-    """
-
-    generator: str
-    ref: str
-    candidates: list[Candidate]
-    spread: dict[str, float]
-    probabilities: dict[str, dict[Value, float]]
-    image: UInt8[np.ndarray, "s s 4"]
-    background: Background | Literal["words"]
-    expected: Candidate
-    fixed: Params = field(default_factory=dict)
-    misfit: float | None = None
-    trace: list[Step] = field(default_factory=list)
-
-    @property
-    def params(self) -> Params:
-        """The parameters of the best candidate."""
-        return self.candidates[0].params
-
-    @property
-    def view(self) -> View:
-        """The camera of the best candidate."""
-        return self.candidates[0].view
+Probabilities = dict[str, dict[Value, float]]
 
 
 class Asked(NamedTuple):
@@ -250,8 +199,35 @@ class Inverter:
         if candidates > 1:
             samples = posterior.draw(noise[:, EXPECTED_OVER:], steps, fixed)
             drawn = posterior.modes(samples, fixed).reshape(len(asked), candidates - 1, -1)
-        rows = zip(asked, values, modes, drawn, mean.logits.exp(), strict=True)
-        return [self._as_estimate(*row) for row in rows]
+        probabilities = [self._probabilities(*row) for row in zip(mean.logits.exp(), values, strict=True)]
+        estimates = []
+        for i, one in enumerate(asked):
+            few = noise[i, :EXPECTED_OVER]
+            others = self._assume(modes[i], values[i], probabilities[i], (candidates - 1) // 2, posterior.of(i), few)
+            samples = drawn[i][: candidates - 1 - len(others)]
+            estimates.append(self._as_estimate(one, values[i], modes[i], samples, others, probabilities[i]))
+        return estimates
+
+    def _assume(
+        self,
+        mode: Float[np.ndarray, " d"],
+        fixed: Params,
+        probabilities: Probabilities,
+        most: int,
+        posterior: Posterior,
+        noise: Float[Tensor, "n d"],
+    ) -> list[Candidate]:
+        """The expected candidates with another option assumed where the choice is doubtful."""
+        found, space = [], self.generator.space
+        if self.model.config.expecting_steps > 1:
+            # An expectation that is known at the last step alone would cost as much as all samples.
+            return found
+        for options in alternatives(space, self._candidate(mode, fixed).params, probabilities, fixed)[:most]:
+            values = self._fix_needed(fixed | options, posterior, noise)
+            entries = encode_all_fixed(space, [values], VIEW_NUMBERS)
+            x = posterior.modes(posterior.expect(noise[None], entries), entries)[0]
+            found.append(replace(self._candidate(x, values), assumed=options))
+        return found
 
     def _as_estimate(
         self,
@@ -259,20 +235,22 @@ class Inverter:
         fixed: Params,
         mode: Float[np.ndarray, " d"],
         drawn: Float[np.ndarray, "k d"],
-        shares: Tensor,
+        others: Sequence[Candidate],
+        probabilities: Probabilities,
     ) -> Estimate:
         space, free = self.generator.space, ~self.model.outputs.is_choice.numpy()
         free[[space.names.index(name) for name in fixed]] = False
         expected = self._candidate(mode, fixed)
         drawn = calibrated(drawn, mode, self.model.config.calibration_scale, free)
         samples = [self._candidate(x, fixed) for x in drawn]
-        points = np.reshape([np.r_[space.encode(c.params), encode_view(c.view)] for c in samples], drawn.shape)
+        rest = [*samples, *others]
+        points = [np.r_[space.encode(c.params), encode_view(c.view)] for c in rest]
         return Estimate(
             generator=self.generator.name,
             ref=self.generator.ref,
-            candidates=[expected, *(samples[i] for i in central_first(points))],
+            candidates=[expected, *(rest[i] for i in central_first(np.reshape(points, (len(rest), len(mode)))))],
             spread=spread(space, expected.params, [c.params for c in samples or [expected]]),
-            probabilities=self._probabilities(shares, fixed),
+            probabilities=probabilities,
             image=asked.picture,
             background=asked.background,
             expected=expected,
@@ -289,7 +267,7 @@ class Inverter:
         probabilities = self._probabilities(expected.logits.exp()[0], values)
         return values | {name: max(fitting, key=probabilities[name].__getitem__) for name, fitting in options.items()}
 
-    def _probabilities(self, of_options: Tensor, fixed: Params) -> dict[str, dict[Value, float]]:
+    def _probabilities(self, of_options: Tensor, fixed: Params) -> Probabilities:
         shares = iter(of_options.tolist())
         choices = [p for p in self.generator.space if isinstance(p, Choice)]
         free = {p.name: {option: next(shares) for option in p.options} for p in choices}

@@ -20,6 +20,7 @@ from dipcg.images import MARGIN
 from dipcg.inference.compare import SIDE, Picture
 from dipcg.mesh import Mesh
 from dipcg.metrics import surface_points
+from dipcg.model.alternatives import shares
 from dipcg.pipeline import Candidate, Estimate, Inverter
 from dipcg.render import Renderer
 from dipcg.space import Choice, ParameterSpace, Params
@@ -173,12 +174,17 @@ class Judge:
         return sorted(candidates, key=self.score, reverse=True)
 
     def safest_first(self, candidates: list[Candidate]) -> list[Candidate]:
-        """Ordered by the expected distance from the truth; the score gives the probability that each is the truth."""
+        """Ordered by the expected distance from the truth.
+
+        The probability that each is the truth follows from its score and from the probability of its options, which it
+        shares with the candidates that have the same: rare options have more candidates than their probability says.
+        """
         built = [candidate for candidate in candidates if candidate.mesh is not None]
         if not built:
             return candidates
         scores = np.array([self.score(candidate) for candidate in built])
-        weights = np.exp((scores - scores.max()) / TEMPERATURE)
+        prior = shares(self.space, [candidate.params for candidate in built], self.estimate.probabilities)
+        weights = np.exp((scores - scores.max()) / TEMPERATURE) * prior
         expected = distances([c.mesh for c in built if c.mesh is not None]) @ weights
         return [built[i] for i in np.argsort(expected, kind="stable")] + [c for c in candidates if c.mesh is None]
 
