@@ -8,7 +8,8 @@ from dipcg.evaluation.evaluate import Plan, evaluate, pair_cases, split_cases
 from dipcg.pipeline import Inverter
 
 COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "100"))
-RANDOM = 200  # shapes of which the nearest to the truth is a row
+# Random shapes; the one nearest to the truth is a row of the table.
+RANDOM = 200
 
 
 def main() -> None:

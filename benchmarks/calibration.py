@@ -23,8 +23,10 @@ from dipcg.space import ParameterSpace, Real
 
 COUNT = int(os.environ.get("DIPCG_BENCH_PICTURES", "200"))
 FIGURE = Path(os.environ.get("DIPCG_BENCH_FIGURE", "out/calibration.png"))
-SAMPLES = 40  # of each picture
-LEVELS = (0.5, 0.8, 0.9)  # of central intervals
+# Samples of each picture.
+SAMPLES = 40
+# Probability of each central interval.
+LEVELS = (0.5, 0.8, 0.9)
 BINS = 10
 FACTORS = np.arange(1.0, 2.01, 0.05)
 
@@ -106,7 +108,8 @@ def below(found: Found, factor: float = 1.0) -> np.ndarray:
 
     def share(one: Drawn) -> float:
         values = (one.centre + factor * (one.values - one.centre)).clip(-1, 1)
-        return ((values < one.truth).sum() + one.place) / (len(values) + 1)  # a place among them is a step wide
+        # A place among the samples is one step wide.
+        return ((values < one.truth).sum() + one.place) / (len(values) + 1)
 
     return np.array([share(one) for one in found.reals])
 

@@ -27,7 +27,8 @@ from dipcg.workers.pool import BuildPool
 
 CHAIRS, SHARD = int(os.environ.get("DIPCG_BENCH_CHAIRS", "180")), 15
 VIEWS, CYCLES_VIEWS = 24, 3
-FEATURES = 6 * 256 * 768 * 4  # bytes the published recipe stores for a picture and its augmentations
+# Bytes that the published recipe stores for a picture and its augmentations.
+FEATURES = 6 * 256 * 768 * 4
 
 CYCLES = """
 import sys, time

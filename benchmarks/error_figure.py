@@ -55,7 +55,8 @@ def draw_errors(space: ParameterSpace, errors: Sequence[Error], path: Path) -> N
     panels = figure.subplots(1, len(shown), squeeze=False)[0]
     for axes, (title, part) in zip(panels, shown.items(), strict=True):
         _draw_part(axes, part)
-        axes.set(title=title, xlim=(0, None), ylim=(rows - 0.5, -0.5))  # bars of one thickness in both
+        # Bars have the same thickness in both panels.
+        axes.set(title=title, xlim=(0, None), ylim=(rows - 0.5, -0.5))
     panels[-1].legend(loc="lower right")
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=80)

@@ -11,12 +11,14 @@ from benchmarks.timing import header, machine, row
 from dipcg.blender.infinigen import find_node, import_infinigen, replaced, silence
 from dipcg.generators import load_generator
 
-SEEDS = (2, 3, 9, 13)  # of Infinigen's own assets
+# Seeds of Infinigen's own assets.
+SEEDS = (2, 3, 9, 13)
 
 
 def main() -> None:
     print(machine() + "\n", flush=True)
-    child = os.fork()  # Blender runs in a process of its own
+    # Blender runs in a process of its own.
+    child = os.fork()
     if child == 0:
         _compare()
         os._exit(0)

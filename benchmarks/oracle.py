@@ -20,9 +20,12 @@ from dipcg.workers.process import BuildError
 
 CHECKPOINT = os.environ.get("DIPCG_BENCH_CHECKPOINT", "chair")
 CALLS = int(os.environ.get("DIPCG_BENCH_CALLS", "300"))
-CHAINS, ESTIMATED = 4, 3  # and how many of them start at the estimate
-COLD = 1e-4  # temperature, in CD
-STEP, SHARE = 0.3, 0.06  # of a move, and of the parameters that it moves
+# The chains of the search, and how many of them start at the estimate.
+CHAINS, ESTIMATED = 4, 3
+# The temperature, as a difference of the chamfer distance.
+COLD = 1e-4
+# The size of a move, and the share of the parameters that it moves.
+STEP, SHARE = 0.3, 0.06
 
 
 def main() -> None:

@@ -45,7 +45,8 @@ def _write(blender: Blender, generator: Generator, mesh: Mesh, number: int, pict
     image = blender.call("scene:photograph", mesh, generator.ref, number, view, SIDE, SAMPLES, MARGIN)
     points = sample_surface(mesh, POINTS, np.random.default_rng(number))
     np.savez_compressed(picture.with_suffix(".npz"), points=points.astype(np.float32))
-    save_image(image, picture)  # last: a picture that is there is complete
+    # The picture is written last, so a pair whose picture exists is complete.
+    save_image(image, picture)
 
 
 if __name__ == "__main__":

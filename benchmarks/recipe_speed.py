@@ -24,7 +24,8 @@ from dipcg.pipeline import EXPECTED_OVER
 from dipcg.training.recipes import RECIPES
 
 SPACE = load_generator("chair").space
-TOKENS, CHANNELS = 256, 768  # DINOv2's
+# The tokens of DINOv2 and their channels.
+TOKENS, CHANNELS = 256, 768
 REPEATS = int(os.environ.get("DIPCG_BENCH_REPEATS", "3"))
 SAMPLES = int(os.environ.get("DIPCG_BENCH_SAMPLES", "1"))
 

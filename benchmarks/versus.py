@@ -39,7 +39,8 @@ METRICS = [load_metric(name) for name in ("chamfer", "emd", "fscore")]
 METHODS = [name for name in os.environ.get("DIPCG_BENCH_METHODS", "").split(";") if name]
 CHAINS = 4
 
-Answer = tuple[str, Params, int, float]  # which row, what was found, calls of the generator, seconds until then
+# The row of the table, the parameters, the calls of the generator and the seconds until then.
+Answer = tuple[str, Params, int, float]
 Method = Callable[[Case], Iterator[Answer]]
 
 

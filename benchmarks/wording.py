@@ -24,7 +24,8 @@ from dipcg.training.train import train
 
 MODEL = ModelConfig(encoder="sentence", width=128, heads=4, depth=2, summary=256)
 CAPTIONS = 400
-KEPT = ("nouns", "only")  # of a file of words, what is no phrase about a parameter
+# The entries of a file of words that are no phrases about a parameter.
+KEPT = ("nouns", "only")
 
 every_phrase = captions._load_phrases
 

@@ -40,8 +40,10 @@ OTHERS = {
     "flower": (3, View(20, 35, 3.0)), "dandelion": (3, View(10, 6, 3.5)),
 }  # fmt: skip
 SIDE, SAMPLES, COLOURS = 320, 16, 192
-SKY = np.array([96, 130, 170])  # behind them
-PATIENCE_S = 3600.0  # on a busy machine
+# The background's colour.
+SKY = np.array([96, 130, 170])
+# Long enough for a busy machine.
+PATIENCE_S = 3600.0
 
 
 def main(names: list[str]) -> None:
@@ -61,8 +63,10 @@ def photograph_in_materials(blender: Blender, name: str, seed: int, view: View) 
     asked = (mesh, generator.ref, seed, view, SIDE, SAMPLES, MARGIN)
     image = blender.call("scene:photograph", *asked, timeout_s=PATIENCE_S)
     alpha = image[..., 3:] / 255
-    picture = (image[..., :3] * alpha + SKY * (1 - alpha)).astype(np.uint8)  # white things cannot be cut from white
-    drawn = Image.fromarray(picture).quantize(COLOURS)  # half the bytes
+    # A white object cannot be cut out from a white ground.
+    picture = (image[..., :3] * alpha + SKY * (1 - alpha)).astype(np.uint8)
+    # A palette halves the size of the file.
+    drawn = Image.fromarray(picture).quantize(COLOURS)
     drawn.save(FOLDER / f"{name}.png", optimize=True)
 
 

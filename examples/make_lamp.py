@@ -14,8 +14,10 @@ import bpy
 
 TARGET = Path(__file__).with_name("lamp.blend")
 COLOURS = {"base": (0.05, 0.05, 0.06, 1), "stem": (0.7, 0.5, 0.2, 1), "shade": (0.9, 0.82, 0.68, 1)}
-THICKNESS = 0.004  # metres
-TURNED = (0, 0, math.pi / 2)  # a corner of the shade on the Y axis, so that left and right are alike
+# In metres.
+THICKNESS = 0.004
+# A corner of the shade lies on the Y axis, so that left and right are alike.
+TURNED = (0, 0, math.pi / 2)
 
 # Panel, name, type, lowest, highest, default, subtype, description
 INPUTS = [
@@ -116,7 +118,8 @@ def main() -> None:
     modifier.node_group = graph.tree
     by_name = {item.name: item.identifier for item in graph.tree.interface.items_tree if item.item_type == "SOCKET"}
     modifier[by_name["Shade Material"]] = materials["shade"]
-    bpy.context.preferences.filepaths.save_version = 0  # no lamp.blend1
+    # Blender would write lamp.blend1 beside it.
+    bpy.context.preferences.filepaths.save_version = 0
     target = Path(sys.argv[1]) if len(sys.argv) > 1 else TARGET
     bpy.ops.wm.save_as_mainfile(filepath=str(target.resolve()), compress=True)
 

@@ -27,11 +27,16 @@ space = ParameterSpace(
 )  # fmt: skip
 mirrors = {"hand": "-hand"}
 
-RADIUS = 0.05  # metres from the axis to the outer edge of the mouth
-AROUND, A_TURN = 72, 90  # vertices around the tube, and rings a turn
-WALL = 0.05  # of the mouth's width
-DEPTH = 0.6  # turns that one can look into the mouth
-LIP = 0.12  # turns over which it flares
+# Metres from the axis to the outer edge of the mouth.
+RADIUS = 0.05
+# Vertices around the tube, and rings of a turn.
+AROUND, A_TURN = 72, 90
+# As a share of the mouth's width.
+WALL = 0.05
+# Turns of the tube that are visible through the mouth.
+DEPTH = 0.6
+# Turns over which the lip flares.
+LIP = 0.12
 
 
 def build(params: Params) -> Mesh:
@@ -52,14 +57,16 @@ def tube(params: Params, turn: np.ndarray, outside: bool) -> np.ndarray:
     hole, rise, tall = (float(params[key]) for key in ("distance", "translation", "mouth_height"))
     around = np.linspace(0, 2 * np.pi, AROUND, endpoint=False)[None]
     turn = turn[:, None]
-    half = (1 - hole) / 2  # of the mouth's width, with its distance from the axis 1
+    # As a share of the mouth's width, whose distance from the axis is 1.
+    half = (1 - hole) / 2
     swell = 1 + sculpture(params, turn, around) if outside else 1 - WALL
     swell = swell + float(params["lip"]) * np.clip(1 + turn / LIP, 0, 1) ** 2
     x, z = half * swell * np.cos(around), half * tall * swell * np.sin(around)
     tilt = np.radians(float(params["mouth_tilt"]))
     x, z = x * np.cos(tilt) - z * np.sin(tilt), x * np.sin(tilt) + z * np.cos(tilt)
     growth = RADIUS * float(params["expansion"]) ** turn
-    distance, angle = growth * (hole + half + x), 2 * np.pi * turn - np.pi / 2  # the mouth looks to the front's right
+    # The mouth faces right and to the front.
+    distance, angle = growth * (hole + half + x), 2 * np.pi * turn - np.pi / 2
     height = growth * (z - rise) + RADIUS * rise
     return np.stack([distance * np.cos(angle), distance * np.sin(angle), height + 0 * angle], -1)
 

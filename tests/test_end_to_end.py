@@ -26,7 +26,8 @@ from dipcg.pipeline import Inverter
 from dipcg.render import Renderer
 
 SPACE = load_generator("box").space
-COUNT = 60  # three of them in the test split
+# Three of them are in the test split.
+COUNT = 60
 
 
 def dipcg(*words: object) -> tuple[int, str, str]:
@@ -315,7 +316,8 @@ def test_evaluating_compares_the_estimate_with_its_bounds(trained, data, tmp_pat
     assert list(found) == rows
     lines = [line.split("|")[1].strip() for line in table.splitlines() if line]
     assert lines[2 : 2 + len(rows)] == rows
-    assert lines[-len(rows) + 1 :] == rows[:-1]  # against the estimate
+    # The differences from the estimate.
+    assert lines[-len(rows) + 1 :] == rows[:-1]
     assert all(values["failures"] == 0 for values in found.values())
     (distance,) = found["noise floor"].keys() - {"failures", "against estimate"}
     for row in rows[1:]:

@@ -33,7 +33,8 @@ def test_triangles_cover_each_polygon_exactly(shapes):
     sizes = np.array([n for n, _ in shapes])
     faces, source = triangulate(sizes, np.arange(sizes.sum()))
     areas = np.bincount(source, trimesh.triangles.area(vertices[faces]))
-    expected = [n / 2 * r**2 * np.sin(2 * np.pi / n) for n, r in shapes]  # the area of a regular polygon
+    # The area of a regular polygon.
+    expected = [n / 2 * r**2 * np.sin(2 * np.pi / n) for n, r in shapes]
     np.testing.assert_allclose(areas, expected)
     np.testing.assert_array_equal(np.bincount(source), sizes - 2)
 
@@ -117,7 +118,8 @@ def test_simplified_surfaces_stay_within_the_error():
     coarse = simplify(make_mesh(vertices, faces), faces=2000, error=0.004)
     assert len(coarse.faces) <= 2100
     points, _ = trimesh.sample.sample_surface(as_trimesh(coarse), 5000, seed=0)
-    off = np.abs(np.linalg.norm(points, axis=1) - 1)  # the sphere in closed form
+    # The distance from the unit sphere.
+    off = np.abs(np.linalg.norm(points, axis=1) - 1)
     assert off.max() < 2 * 0.004 * 2, "twice the error, of an extent of two"
     assert cKDTree(points).query(vertices)[0].max() < 0.15, "and nothing is missing"
 

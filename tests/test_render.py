@@ -29,7 +29,8 @@ VIEWS = [
     View(200.0, -5.0, distance=5.0, fov_deg=20.0),
 ]
 ASIDE = VIEWS[1]
-FLAT = {"lights": np.array([[0.0, 0.0, 1.0]]), "strengths": np.zeros(1), "ambient": 1.0}  # colours as they are
+# Light that leaves colours as they are.
+FLAT = {"lights": np.array([[0.0, 0.0, 1.0]]), "strengths": np.zeros(1), "ambient": 1.0}
 WHITE = Look(np.ones((1, 3)), **FLAT)
 
 every_view = pytest.mark.parametrize("view", VIEWS, ids=lambda view: f"{view.azimuth_deg}, {view.elevation_deg}")
@@ -107,7 +108,8 @@ def test_each_part_has_its_colour_and_colours_repeat(renderer):
 def test_brightness_follows_the_cosine_between_face_and_light(renderer, light):
     """The root of ambient plus strength times cosine; a light from the camera makes faces towards it brighter."""
     mesh, view, look = join([block()]), View(35.0, 25.0), Look(np.ones((1, 3)), np.array([light]), np.array([0.6]), 0.2)
-    faces = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # front, right, top: those this view sees
+    # The front, right and top sides, which this view sees.
+    faces = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     picture = renderer.render(mesh, view, look)
     middles = pixels(faces * mesh.bounds[1], mesh, view)
     turned = faces @ world_to_camera(view, mesh.centre, mesh.side)[:3, :3].T

@@ -106,8 +106,10 @@ def test_a_blend_has_the_vertices_and_a_material_for_each_part(asset, opened):
 @pytest.mark.blender
 def test_a_blend_of_a_blender_file_keeps_the_modifier_with_its_inputs_set(opened):
     inputs = opened["lamp"]["inputs"]
-    assert inputs["Socket_19"] == pytest.approx(0.47)  # height, by examples/lamp.toml
-    assert inputs["Socket_22"] == 3  # rings
+    # The height, by examples/lamp.toml.
+    assert inputs["Socket_19"] == pytest.approx(0.47)
+    # The number of rings.
+    assert inputs["Socket_22"] == 3
     np.testing.assert_allclose(opened["lamp"]["bounds"], opened["built"], atol=1e-5)
 
 

@@ -47,7 +47,8 @@ def test_no_row_is_lost_or_there_twice_when_a_node_is_killed(cluster, tmp_path):
     failed = build_dataset(slow, tmp_path / "many", COUNT, executor=Ray(made.address), report=kill_one_node)
     killer.join()
     until = time.monotonic() + 60
-    while len([node for node in ray.nodes() if node["Alive"]]) > 2:  # the head and one node are left
+    # The head and one node are left.
+    while len([node for node in ray.nodes() if node["Alive"]]) > 2:
         assert time.monotonic() < until, "the node was not killed"
         time.sleep(0.2)
     assert failed == build_dataset(slow, tmp_path / "one", COUNT)

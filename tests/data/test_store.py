@@ -65,7 +65,8 @@ def test_a_killed_build_goes_on_with_the_same_rows(tmp_path):
     child = subprocess.Popen(command)
     while not (tmp_path / "killed" / "shard-00001.parquet").exists():
         time.sleep(0.01)
-    time.sleep(0.05)  # into the next shard
+    # Long enough to be in the next shard.
+    time.sleep(0.05)
     child.send_signal(signal.SIGKILL)
     child.wait()
     left = shards_of(tmp_path / "killed")

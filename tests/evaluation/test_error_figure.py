@@ -21,7 +21,8 @@ def test_errors_are_counted_where_a_parameter_is_active_and_worst_first():
     answers = [SPACE.canonical(truth | {"width": 1.9, "top": "round", "bulge": 1.0}) for truth in truths]
     found = {error.name: error for error in parameter_errors(SPACE, truths, answers)}
     assert list(found) == ["top", "bulge", "width"]
-    assert found["top"][1:] == pytest.approx((3 / 4, 1 / 2, 4))  # the commonest option is right in two of four
+    # The commonest option is right in two of four cases.
+    assert found["top"][1:] == pytest.approx((3 / 4, 1 / 2, 4))
     assert found["bulge"][1:] == pytest.approx((0.5, 0.5, 1))
     assert found["width"][1:] == pytest.approx((0.1, 1.0, 4))
 

@@ -15,7 +15,8 @@ from dipcg.evaluation.evaluate import Case, Plan, evaluate, pair_cases, split_ca
 from dipcg.metrics import chamfer, parameter_error, surface_points
 from dipcg.pipeline import Inverter
 
-COUNT = 60  # three of them in the test split, 54 to train with
+# Three of them are in the test split, 54 in the training split.
+COUNT = 60
 CHAMFER = Plan(2, 2, metrics=["chamfer"])
 PARAMETERS = Plan(2, 1, metrics=["choice_accuracy", "parameter_error"])
 

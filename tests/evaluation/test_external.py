@@ -55,7 +55,8 @@ def test_topology_counts_the_edges_of_known_shapes():
     whole = topology(make_mesh(cube.vertices, cube.faces))
     assert (whole.triangles, whole.open_edges, whole.non_manifold_edges, whole.watertight) == (12, 0, 0, True)
     loose = topology(make_mesh(cube.triangles.reshape(-1, 3), np.arange(36).reshape(-1, 3)))
-    assert loose == whole  # corners at one place are one vertex
+    # Corners at one place are one vertex.
+    assert loose == whole
     missing = topology(make_mesh(cube.vertices, cube.faces[1:]))
     assert (missing.open_edges, missing.watertight) == (3, False)
     fin = np.vstack([cube.vertices, cube.vertices[cube.edges[0]].mean(0) + 5])

@@ -15,9 +15,11 @@ from dipcg.render import PALETTE
 from dipcg.space import params_from_json
 from dipcg.surface import corner_normals
 
-GLTF_FROM_OURS = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # glTF: Y up, the front towards +Z
+# In glTF Y is up and the front faces +Z.
+GLTF_FROM_OURS = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
 
-every_format = pytest.mark.parametrize("suffix", [".glb", ".gltf", ".obj", ".ply", ".stl"])  # that trimesh reads
+# The formats that trimesh reads.
+every_format = pytest.mark.parametrize("suffix", [".glb", ".gltf", ".obj", ".ply", ".stl"])
 every_usd = pytest.mark.parametrize("suffix", USD)
 
 
@@ -65,7 +67,8 @@ def test_a_glb_has_a_named_geometry_and_material_for_each_part(asset, tmp_path):
         material = document["materials"][mesh["primitives"][0]["material"]]
         assert material["name"] == mesh["name"]
         colour = PALETTE[asset.mesh.part_names.index(mesh["name"])]
-        light = np.where(colour > 0.04045, ((colour + 0.055) / 1.055) ** 2.4, colour / 12.92)  # glTF: linear
+        # Colours in glTF are linear.
+        light = np.where(colour > 0.04045, ((colour + 0.055) / 1.055) ** 2.4, colour / 12.92)
         np.testing.assert_allclose(material["pbrMetallicRoughness"]["baseColorFactor"], [*light, 1], atol=1e-6)
 
 
@@ -78,7 +81,8 @@ def test_parts_keep_their_places_in_a_glb(asset, tmp_path):
         np.testing.assert_allclose(placed.bounds, [points.min(0), points.max(0)], atol=1e-6)
 
 
-@pytest.mark.parametrize("suffix", [".glb", ".gltf", ".obj"])  # those with normals; the others keep solids closed
+# The formats with normals; the others keep solids closed.
+@pytest.mark.parametrize("suffix", [".glb", ".gltf", ".obj"])
 def test_no_face_without_area_is_written(tmp_path, suffix):
     vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0], [0, 0, 1]]
     mesh = make_mesh(vertices, [[0, 1, 2], [0, 1, 3], [0, 0, 4], [0, 2, 4]])

@@ -74,7 +74,8 @@ def test_khronos_validator_finds_nothing_wrong(validator, request, tmp_path, suf
     done = subprocess.run([node, "-e", VALIDATE, str(path)], cwd=folder, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
-    expected = {"MESH_PRIMITIVE_GENERATED_TANGENT_SPACE"} if kind == "textured" else set()  # MikkTSpace, by all viewers
+    # All viewers derive tangents by MikkTSpace.
+    expected = {"MESH_PRIMITIVE_GENERATED_TANGENT_SPACE"} if kind == "textured" else set()
     assert {message["code"] for message in found["issues"]["messages"]} <= expected
     assert found["info"]["totalTriangleCount"] == len(request.getfixturevalue(kind).mesh.faces)
 

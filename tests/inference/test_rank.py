@@ -205,7 +205,8 @@ def test_probabilities_of_a_choice_sum_to_one_and_favour_what_is_expected(invert
 
 def test_samples_are_scaled_about_the_expected_candidate_and_nothing_else_moves(image):
     with untrained("box") as inverter:
-        torch.nn.init.normal_(inverter.model.denoiser.read, std=0.03)  # zero at first: every sample would be the guess
+        # These weights start at zero, and every sample would be the guess.
+        torch.nn.init.normal_(inverter.model.denoiser.read, std=0.03)
         estimate = partial(inverter.estimate, image, candidates=12, steps=3, fixed={"width": 0.5, "has_legs": True})
         narrow = estimate()
         inverter.model.config = replace(inverter.model.config, calibration_scale=1.5)

@@ -186,5 +186,6 @@ def test_the_command_writes_what_it_found_and_goes_on_where_it_was(tmp_path, cap
     name, params = params_from_json((tmp_path / "found/best.json").read_text())
     assert generator.space.validate(params) == params
     assert name == "box"
-    assert Image.open(tmp_path / "found/best.png").size[0] == 3 * 256  # the picture, after 100 calls, and after 101
+    # The picture, and the renders after 100 and after 101 calls.
+    assert Image.open(tmp_path / "found/best.png").size[0] == 3 * 256
     assert (tmp_path / "found/trace.png").stat().st_size > 1000

@@ -302,7 +302,8 @@ def test_no_process_outlives_its_parent(tmp_path, stop, doing):
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs ignore it
+        # Background jobs of a shell ignore SIGINT.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     children = {int(parent.stdout.readline()) for _ in range(4)}
     while parent.stdout.readline().strip() != ("busy" if doing == "hang" else "idle"):
