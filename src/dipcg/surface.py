@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float32, Int, Int32, UInt8
 
-from dipcg.mesh import Mesh
+from dipcg.mesh import Mesh, MeshError
 
 # Faces that meet at a larger angle have a sharp edge between them.
 CREASE_DEG = 35.0
@@ -28,6 +28,19 @@ class Maps:
     roughness: UInt8[np.ndarray, "s s"]
     metallic: UInt8[np.ndarray, "s s"]
     normal: UInt8[np.ndarray, "s s 3"]
+
+
+def make_maps(**arrays: np.ndarray) -> Maps:
+    """Build checked maps from the arrays of their fields; raises MeshError for other types or shapes."""
+    maps = Maps(**arrays)
+    faces, size = len(maps.uv), len(maps.roughness)
+    shapes = {"uv": (faces, 3, 2), "corners": (faces, 3, 3), "base_colour": (size, size, 3), "normal": (size, size, 3)}
+    shapes |= dict.fromkeys(("roughness", "metallic"), (size, size))
+    for name, shape in shapes.items():
+        array, dtype = getattr(maps, name), np.float32 if name in ("uv", "corners") else np.uint8
+        if array.shape != shape or array.dtype != dtype or not np.isfinite(array).all():
+            raise MeshError(f"These are no maps: {name} is {array.dtype} of shape {array.shape}.")
+    return maps
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from dipcg.workers.process import BuildError, Child
 
 GENERATOR = '''
 """A triangle that misbehaves on request."""
-import os, signal, sys, tempfile, time
+import os, signal, socket, stat, struct, subprocess, sys, tempfile, time
 import numpy as np
 from dipcg.space import Choice, ParameterSpace, Real
 
@@ -25,6 +25,17 @@ MODES = {modes}
 space = ParameterSpace(Real("size", 1.0, 2.0), Choice("mode", MODES))
 recycle_after = {recycle_after}
 {extra}
+
+TEXT = b'["progress", [0.5, "baking"]]'
+PROGRESS = struct.pack("<QQ", len(TEXT) + 8, len(TEXT)) + TEXT
+
+def to_parent():
+    """The socket to the program that asks for builds."""
+    return next(fd for fd in range(3, 64) if is_socket(fd))
+
+def is_socket(fd):
+    try: return stat.S_ISSOCK(os.fstat(fd).st_mode)
+    except OSError: return False
 
 def build(params):
     triangle = np.array([[0, 0, 0], [1, 0, 0], [0, params["size"], os.getpid()]], float), [[0, 1, 2]]
@@ -41,6 +52,17 @@ def build(params):
     if mode == "kill": os.kill(os.getpid(), signal.SIGKILL)
     if mode == "crash": os.kill(os.getpid(), signal.SIGSEGV)
     if mode == "close": os.closerange(3, 64); time.sleep(60)
+    if mode == "half": os.write(to_parent(), struct.pack("<Q", 1000) + b"half"); time.sleep(60)
+    if mode == "pickle": os.write(to_parent(), struct.pack("<Q", 4) + b"I01."); time.sleep(60)
+    if mode == "progress":
+        while True: os.write(to_parent(), PROGRESS); time.sleep(0.1)
+    if mode == "child":
+        pid = subprocess.Popen(["sleep", "60"]).pid
+        return [triangle[0] + [[0, 0, 0], [0, 0, 0], [0, 0, pid - os.getpid()]], triangle[1]]
+    if mode == "daemon":
+        sleep = "sleep 60 >/dev/null & echo $!"
+        pid = subprocess.run(["setsid", "sh", "-c", sleep], stdout=subprocess.PIPE, text=True).stdout
+        return [triangle[0] + [[0, 0, 0], [0, 0, 0], [0, 0, int(pid) - os.getpid()]], triangle[1]]
     if mode == "slow": time.sleep(0.3)
     if mode == "litter": tempfile.mkdtemp()
     if mode == "noise":
@@ -51,7 +73,7 @@ def build(params):
     return triangle
 '''
 MODES = ("good", "raise", "nan", "empty", "index", "nothing", "hang", "exit", "quit", "kill", "crash", "close", "slow")
-MODES += ("noise", "novel", "litter")
+MODES += ("noise", "novel", "litter", "half", "pickle", "progress", "child", "daemon")
 
 
 def write_generator(folder: Path, recycle_after: int = 1000, extra: str = "") -> str:
@@ -110,6 +132,9 @@ def pool(tmp_path_factory):
         ("kill", "crashed", "exit code -9"),
         ("crash", "crashed", "exit code -11"),
         ("close", "crashed", "process died"),
+        ("half", "timeout", "took longer than 1 s"),
+        ("pickle", "crashed", "something else than a result"),
+        ("progress", "crashed", "something else than a result"),
     ],
 )
 def test_a_failure_costs_one_sample_and_says_which(pool, mode, reason, sentence):
@@ -277,6 +302,34 @@ def test_the_lowest_priority_is_built_first_and_a_cancelled_build_never(tmp_path
         later.result()
     assert first.done()
     assert done == ["sooner", "later"]
+
+
+def test_a_file_of_the_working_folder_is_not_taken_for_a_module_of_python(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("random", "socket", "numpy", "dipcg"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('this is not the module')")
+    with BuildPool("box") as pool:
+        assert len(pool.build(pool.generator.space.sample(np.random.default_rng(0))).faces)
+
+
+@pytest.mark.parametrize("mode", ["child", "daemon"])
+def test_what_a_build_has_started_goes_with_its_worker(tmp_path, mode):
+    """A process below the worker, and one that has left its group and its parent."""
+    with BuildPool(write_generator(tmp_path)) as pool:
+        started = pid_of(pool.build(params(mode)))
+        assert is_alive(started)
+    assert wait_until(lambda: not is_alive(started))
+
+
+def test_what_a_build_has_started_goes_with_the_program(tmp_path):
+    command = [sys.executable, "-c", SCRIPT.replace('"slow"', '"child"'), write_generator(tmp_path), "hang"]
+    parent = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    started = {int(parent.stdout.readline()) for _ in range(4)}
+    assert all(is_alive(pid) for pid in started)
+    parent.kill()
+    parent.wait()
+    parent.stdout.close()
+    assert wait_until(lambda: not any(is_alive(pid) for pid in started))
 
 
 SCRIPT = """

@@ -165,7 +165,7 @@ def _child(code: str) -> tuple[bool, str]:
     # Blender ends slowly and may print after the result, so the process stops at once.
     prelude = "import os\ndef send(text): print('\\nresult', text, flush=True); os._exit(0)\n"
     try:
-        done = _run([sys.executable, "-c", prelude + code])
+        done = _run([sys.executable, "-P", "-c", prelude + code])
     except subprocess.TimeoutExpired:
         return False, f"no result within {CHILD_TIMEOUT_S:g} s"
     results = re.findall(r"^result (.*)$", done.stdout, re.MULTILINE)

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 from dipcg.export.asset import Asset
 from dipcg.mesh import drop_degenerate
+from dipcg.surface import Maps
 from dipcg.workers.process import Progress
-from dipcg.workers.rpc import Blender
+from dipcg.workers.rpc import Blender, BlenderError
 
 
 def texture(asset: Asset, size: int = 512, seed: int = 0, progress: Progress | None = None) -> Asset:
@@ -19,4 +20,6 @@ def texture(asset: Asset, size: int = 512, seed: int = 0, progress: Progress | N
     mesh = drop_degenerate(asset.mesh)
     with Blender() as blender:
         maps = blender.call("bake:bake", mesh, asset.generator, seed, size, progress=progress)
+    if not isinstance(maps, Maps) or len(maps.uv) != len(mesh.faces):
+        raise BlenderError("The maps that came back are not those of this mesh.")
     return replace(asset, mesh=mesh, maps=maps, material_seed=seed)

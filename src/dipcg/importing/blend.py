@@ -69,7 +69,7 @@ def read_inputs(blend: Path, name: str = "") -> dict[str, Any]:
         raise ValueError(f"There is no file {blend}.")
     if find_spec("bpy") is None:
         raise ModuleNotFoundError(f"Reading {blend} needs bpy: run `pip install 'dipcg[infinigen]'` (Python 3.11).")
-    command = [sys.executable, "-m", "dipcg.blender.geometry_nodes", str(blend), name]
+    command = [sys.executable, "-P", "-m", "dipcg.blender.geometry_nodes", str(blend), name]
     folder, environment = temporary_folder()
     try:
         with folder:

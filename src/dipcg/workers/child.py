@@ -1,7 +1,7 @@
 """The program that a child process runs: `python -m dipcg.workers.child build|call FILE_DESCRIPTOR GENERATOR`.
 
-Blender runs here and nowhere else. Each message that is sent over the pipe is a pair of a kind and a value: "ready",
-"progress", "done", or the reason of a failure (`workers.process.Reason`) with a sentence.
+Blender runs here and nowhere else. Each message that is sent back is a pair of a kind and a value: "ready", "progress",
+"done", or the reason of a failure (`workers.process.Reason`) with a sentence.
 """
 
 from __future__ import annotations
@@ -10,29 +10,29 @@ import contextlib
 import ctypes
 import importlib
 import os
-import signal
+import socket
 import sys
 import sysconfig
 import traceback
 from collections.abc import Callable
 from functools import partial
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 from dipcg.generators import load_generator
 from dipcg.mesh import MeshError
+from dipcg.workers.messages import Channel
 
 # The longest message of an error that is passed on, in characters.
 MAX_CHARACTERS = 500
 # From linux/prctl.h.
-PR_SET_PDEATHSIG = 1
+PR_SET_CHILD_SUBREAPER = 36
 
 Message = tuple[str, Any]
 
 
-def serve_builds(pipe: Connection, ref: str) -> None:
-    """Prepare a generator once, then build the mesh of each (params, detail) that the pipe brings."""
+def serve_builds(parent: Channel, ref: str) -> None:
+    """Prepare a generator once, then build the mesh of each (params, detail) that the parent sends."""
     try:
         generator = load_generator(ref)
         if ref.endswith(".py"):
@@ -41,25 +41,25 @@ def serve_builds(pipe: Connection, ref: str) -> None:
             os.chdir(Path(ref).parent)
         generator.prepare()
     except Exception as error:
-        return pipe.send(("start", f"The generator could not be loaded, {describe(error)}."))
-    pipe.send(("ready", None))
+        return parent.send(("start", f"The generator could not be loaded, {describe(error)}."))
+    parent.send(("ready", None))
     while True:
-        work = partial(generator.build, *pipe.recv())
-        pipe.send(_outcome(work, "The generator raised {}.", MeshError, "unusable"))
+        work = partial(generator.build, *parent.receive())
+        parent.send(_outcome(work, "The generator raised {}.", MeshError, "unusable"))
 
 
-def serve_calls(pipe: Connection, _: str) -> None:
-    """Call the function of `dipcg.blender` for each (function, arguments) that the pipe brings."""
-    pipe.send(("ready", None))
+def serve_calls(parent: Channel, _: str) -> None:
+    """Call the function of `dipcg.blender` for each (function, arguments) that the parent sends."""
+    parent.send(("ready", None))
     while True:
-        work = partial(_call, pipe, *pipe.recv())
-        pipe.send(_outcome(work, "Blender could not do this: {}.", ValueError, "raised"))
+        work = partial(_call, parent, *parent.receive())
+        parent.send(_outcome(work, "Blender could not do this: {}.", ValueError, "raised"))
 
 
-def _call(pipe: Connection, name: str, arguments: tuple) -> Any:
+def _call(parent: Channel, name: str, arguments: tuple) -> Any:
     module, function = name.split(":")
     called = getattr(importlib.import_module(f"dipcg.blender.{module}"), function)
-    return called(lambda share, note: pipe.send(("progress", (share, note))), *arguments)
+    return called(lambda share, note: parent.send(("progress", (share, note))), *arguments)
 
 
 def _outcome(work: Callable[[], Any], sentence: str, expected: type[Exception], kind: str) -> Message:
@@ -91,21 +91,20 @@ def _place(error: Exception) -> str:
     return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
 
 
-def die_with_parent() -> None:
-    """Ask Linux to kill this process when its parent ends, however it ends and whatever is being built.
-
-    On other systems the closed pipe ends the process, after the build that it is in.
-    """
+def adopt_orphans() -> None:
+    """Ask Linux to make this process the parent of what its children leave behind, so that it goes with this one."""
     if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1)
 
 
 def main(kind: str, descriptor: str, ref: str) -> None:
-    """Serve until the parent closes the pipe."""
-    die_with_parent()
+    """Serve until the parent closes the socket."""
+    adopt_orphans()
+    # No program that a build starts may hold the socket open.
+    os.set_inheritable(int(descriptor), False)
     serve = {"build": serve_builds, "call": serve_calls}[kind]
-    with contextlib.suppress(EOFError, BrokenPipeError, KeyboardInterrupt):
-        serve(Connection(int(descriptor)), ref)
+    with contextlib.suppress(EOFError, ConnectionError, KeyboardInterrupt):
+        serve(Channel(socket.socket(fileno=int(descriptor))), ref)
     # Blender's own shutdown is slow and sometimes crashes.
     os._exit(0)
 

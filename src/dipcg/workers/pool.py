@@ -15,7 +15,7 @@ from typing import NamedTuple
 from dipcg.generators import Detail, Generator, load_generator
 from dipcg.mesh import Mesh
 from dipcg.space import Params
-from dipcg.workers.process import BuildError, Child
+from dipcg.workers.process import NO_MESSAGE, BuildError, Child
 from dipcg.workers.turns import Turns
 
 # Builds per worker that `timed` keeps waiting or done, so that no worker idles.
@@ -101,6 +101,8 @@ class BuildPool:
             started = time.perf_counter()
             mesh = child.request((params, detail), self.timeout_s)
             seconds = time.perf_counter() - started
+            if not isinstance(mesh, Mesh):
+                raise BuildError("crashed", NO_MESSAGE)
         except BuildError as error:
             self._put_back(child, error.reason in ("raised", "unusable"))
             raise BuildError(error.reason, str(error), params, self.generator.ref) from None
