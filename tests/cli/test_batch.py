@@ -21,8 +21,26 @@ def finish(files) -> None:
         path.write_bytes(b"x")
 
 
-def test_all_pictures_wait_at_first_and_other_files_are_left_out(pictures, tmp_path):
+def test_pictures_of_one_name_keep_their_ending_and_pictures_of_phones_are_taken(tmp_path):
+    for name in ("IMG_1.HEIC", "a.png", "a.jpg", "a.png.jpg", "b.avif", "c.gif", "d.mov"):
+        (tmp_path / name).write_bytes(b"")
+    (tmp_path / "older").mkdir()
+    batch = open_batch(tmp_path, tmp_path / "out")
+    names = {picture.name: files.asset.name for picture, files in batch.files.items()}
+    assert names == {
+        "IMG_1.HEIC": "IMG_1.glb",
+        "a.png": "a.png.glb",
+        "a.jpg": "a.jpg.glb",
+        "a.png.jpg": "a.png.jpg.glb",
+        "b.avif": "b.glb",
+        "c.gif": "c.glb",
+    }
+    assert [path.name for path in batch.others] == ["d.mov", "older"]
+
+
+def test_all_pictures_wait_at_first_and_other_files_are_named(pictures, tmp_path):
     batch = open_batch(pictures, tmp_path / "out" / "deep")
+    assert [path.name for path in batch.others] == ["notes.txt"]
     assert [path.name for path in batch.waiting] == ["<c> & d.webp", "a.PNG", "b.jpg"]
     assert batch.files[pictures / "b.jpg"].asset == tmp_path / "out/deep/b.glb"
 
@@ -53,7 +71,6 @@ def test_the_page_has_every_picture_with_its_files_or_its_problem(pictures, tmp_
     ("names", "out", "expected"),
     [
         ([], "out", "has no pictures; they end in .png"),
-        (["a.png", "a.jpg"], "out", "several pictures named a"),
         (["a.png"], ".", "holds the pictures; choose another folder"),
         (["a.png"], "a.png", "cannot be made"),
     ],

@@ -264,7 +264,7 @@ def test_no_picture_is_overwritten_and_no_result_written_twice(capsys, untrained
     into = ["-g", untrained, "-o", "a.glb", "--preview"]
     would = "would be overwritten; choose another name or folder."
     assert sentence(capsys, "estimate", picture, *into, picture) == f"picture.png {would}"
-    assert sentence(capsys, "estimate", picture, "other/picture.png", *into[:-1]) == f"picture.glb {would}"
+    assert sentence(capsys, "estimate", picture, "other/picture.png", *into[:-1]) == f"picture.png.glb {would}"
     assert sentence(capsys, "estimate", picture, "b.png", *into, "sheet.png") == f"picture.png {would}"
     assert picture.read_bytes() == before
 

@@ -75,8 +75,8 @@ def test_a_ball_is_recognised_where_none_is_named(inverters):
 def test_a_picture_is_cut_out_once(inverters, image, monkeypatch):
     """For the classifier, the estimates of all generators, and the doubt."""
     opaque, times = dipcg.images.over_white(image), []
-    cut = dipcg.images._plain_alpha
-    monkeypatch.setattr(dipcg.images, "_plain_alpha", lambda image: times.append(1) or cut(image))
+    read = dipcg.images.read_image
+    monkeypatch.setattr("dipcg.images.cutout.read_image", lambda source: times.append(1) or read(source))
     estimate(opaque, inverters, FEW)
     assert len(times) == 1
     estimate([opaque, opaque[:, ::-1]], inverters, replace(FEW, generator="box"))
@@ -118,7 +118,8 @@ def test_json_has_the_old_name_of_the_probabilities_too(inverters, image):
     values = plain(estimate(image, inverters, replace(FEW, generator="box")))
     assert values["chances"] == values["probabilities"]
     assert values.keys() == {
-        "generator", "generators", "candidates", "spread", "probabilities", "chances", "misfit", "doubt", "trace",
+        "generator", "generators", "candidates", "spread", "probabilities", "chances", "misfit", "doubt", "notes",
+        "trace",
     }  # fmt: skip
     assert values["candidates"][0].keys() == {"params", "view", "agreement"}
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from urllib.parse import quote
 
 from dipcg.files import write_file
+from dipcg.images import SUFFIXES
 
-PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
 PAGE = "index.html"
 
 
@@ -33,10 +34,11 @@ class Files:
 
 @dataclass(frozen=True)
 class Batch:
-    """Pictures, and the files that are written for each in the folder `out`."""
+    """Pictures, the files that are written for each in the folder `out`, and what else is beside the pictures."""
 
     out: Path
     files: Mapping[Path, Files]
+    others: Sequence[Path] = ()
 
     @property
     def waiting(self) -> list[Path]:
@@ -56,24 +58,31 @@ class Batch:
 def open_batch(pictures: Path, out: Path, suffix: str = ".glb") -> Batch:
     """The batch of a folder of pictures; makes the folder for the files.
 
-    Raises BatchError for a folder without pictures, for two pictures of one name, and when `out` is a file.
+    Raises BatchError for a folder without pictures, and when `out` is a file.
     """
-    paths = sorted(path for path in pictures.iterdir() if path.suffix.lower() in PICTURES)
-    if not paths:
-        raise BatchError(f"{pictures} has no pictures; they end in {', '.join(PICTURES)}.")
-    names = [path.stem for path in paths]
-    twice = next((path for path in paths if names.count(path.stem) > 1), None)
-    if twice:
-        raise BatchError(
-            f"{pictures} has several pictures named {twice.stem}, after which files are named; rename one."
-        )
+    paths = sorted(path for path in pictures.iterdir() if not path.name.startswith("."))
+    chosen = [path for path in paths if path.suffix.lower() in SUFFIXES and not path.is_dir()]
+    if not chosen:
+        raise BatchError(f"{pictures} has no pictures; they end in {', '.join(SUFFIXES)}.")
     if out.absolute() == pictures.absolute():
         raise BatchError(f"{out} holds the pictures; choose another folder to write to.")
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise BatchError(f"The folder {out} cannot be made ({error.strerror}).") from None
-    return Batch(out, {path: _files(out, path.stem, suffix) for path in paths})
+    stems = distinct_stems(chosen)
+    files = {path: _files(out, stem, suffix) for path, stem in zip(chosen, stems, strict=True)}
+    return Batch(out, files, [path for path in paths if path not in files and path != out])
+
+
+def distinct_stems(pictures: Sequence[Path]) -> list[str]:
+    """The names after which files are named: a.png becomes `a`, or `a.png` where there is also a.jpg."""
+    stems = [path.stem for path in pictures]
+    # The second time for a.png.jpg, whose stem is the name that a.png now has.
+    for _ in range(2):
+        counts = Counter(stems)
+        stems = [path.name if counts[stem] > 1 else stem for path, stem in zip(pictures, stems, strict=True)]
+    return stems
 
 
 def _files(out: Path, stem: str, suffix: str) -> Files:

@@ -206,21 +206,21 @@ def _workers(once: bool) -> int:
 
 def _targets(images: Sequence[Path], written: Written, preview: Path | None) -> dict[Path, Targets]:
     """The files of each picture, all of which can be written; raises ValueError."""
+    from dipcg.cli.batch import distinct_stems
+
     if not images:
         raise ValueError("Give at least one picture.")
     _check_outputs(written, preview)
-    many = len(images) > 1
-    targets = {image: _named_after(image, many, written.output, written.params_out, preview) for image in images}
+    files = Targets(written.output, written.params_out, preview)
+    stems = distinct_stems(images) if len(images) > 1 else [files.output.stem]
+    targets = {image: _named(stem, files) for image, stem in zip(images, stems, strict=True)}
     _check_distinct(images, [path for image in images for path in targets[image] if path])
     return targets
 
 
-def _named_after(image: Path, many: bool, output: Path, params: Path | None, preview: Path | None) -> Targets:
-    """The files of one picture, named after it where there are several."""
-    if not many:
-        return Targets(output, params, preview)
-    stem = image.stem
-    return Targets(output.with_stem(stem), params and params.with_stem(stem), preview and preview.with_stem(stem))
+def _named(stem: str, files: Targets) -> Targets:
+    """The files with another name."""
+    return Targets(*(file and file.with_stem(stem) for file in files))
 
 
 def _open_batch(images: Sequence[Path], written: Written, preview: Path | None) -> Batch | None:
@@ -242,6 +242,9 @@ def _batch_targets(batch: Batch, written: Written) -> dict[Path, Targets]:
     _check_distinct(list(batch.files), [path for files in every for path in (files.asset, files.params, files.preview)])
     page = batch.write_page({})
     print(f"{len(batch.waiting)} of {len(batch.files)} pictures wait; see {page}.", file=sys.stderr)
+    if batch.others:
+        names = ", ".join(path.name for path in batch.others)
+        print(f"Left out, because they do not end as pictures do: {names}.", file=sys.stderr)
     waiting = {picture: batch.files[picture] for picture in batch.waiting}
     return {picture: Targets(files.asset, files.params, files.preview) for picture, files in waiting.items()}
 
@@ -285,7 +288,8 @@ def _print(image: Path, result: Result, targets: Targets, json: bool) -> None:
         likeliest = next(iter(result.probabilities.items()), None)
         sure = f" ({likeliest[0]}, {100 * likeliest[1]:.0f} % sure)" if likeliest else ""
         print(f"{image} -> {targets.output}" + (f", {targets.params}" if targets.params else "") + sure)
-    _warn(image, result.doubt)
+    for sentence in (*result.notes, result.doubt):
+        _warn(image, sentence)
 
 
 def _warn(image: Path, doubt: str | None) -> None:

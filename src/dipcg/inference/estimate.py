@@ -60,6 +60,8 @@ class Result:
     """the same for each further picture, which may show another object"""
     classes: dict[str, float] = field(default_factory=dict)
     """of all generators that the classifier knows, its probabilities for the picture"""
+    notes: tuple[str, ...] = ()
+    """sentences about the pictures: of which frame or piece was taken, where there are several"""
 
 
 def estimate(
@@ -91,7 +93,8 @@ def look(views: Sequence[Cutout], inverters: Inverters, options: Options, report
     inverter = inverters.find(options.generator or next(iter(probabilities)))
     report(0.1, "Estimating the parameters")
     found = inverter.estimate_views(views, options.candidates, options.steps, options.seed, options.fixed)
-    return ranked(Result(found, probabilities, classes=classes), found)
+    notes = tuple(note for view in views for note in view.notes)
+    return ranked(Result(found, probabilities, classes=classes, notes=notes), found)
 
 
 def look_at_many(asked: Sequence[tuple[Cutout, Options]], inverters: Inverters) -> list[Result | None]:
@@ -111,7 +114,7 @@ def look_at_many(asked: Sequence[tuple[Cutout, Options]], inverters: Inverters) 
         pictures = [(asked[i][0], asked[i][1].seed, asked[i][1].fixed) for i, _ in members]
         found = inverters.find(name).estimate_many(pictures, candidates, steps)
         for (i, probabilities), one in zip(members, found, strict=True):
-            results[i] = ranked(Result(one, probabilities, classes=many_classes[i]), one)
+            results[i] = ranked(Result(one, probabilities, classes=many_classes[i], notes=asked[i][0].notes), one)
     return results
 
 

@@ -24,5 +24,6 @@ def to_dict(result: Result) -> dict[str, Any]:
         "chances": probabilities,
         "misfit": estimate.misfit,
         "doubt": result.doubt,
+        "notes": list(result.notes),
         "trace": [step._asdict() for step in estimate.trace],
     }
