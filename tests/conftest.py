@@ -97,17 +97,19 @@ def studio(tmp_path_factory):
 def mesh(studio):
     from boxes import TRUTH
 
-    return studio.build("box", TRUTH).mesh
+    return studio.submit("box", TRUTH, "light").result()
 
 
 @pytest.fixture(scope="session")
-def picture(studio, mesh, tmp_path_factory) -> Path:
+def picture(mesh, tmp_path_factory) -> Path:
     from boxes import VIEW
 
-    from dipcg.images import save_image
+    from dipcg.images import MARGIN, save_image
+    from dipcg.render import Renderer
 
-    path = tmp_path_factory.mktemp("pictures") / "box.png"
-    save_image(studio.tiles([(mesh, VIEW)])[0], path)
+    path, renderer = tmp_path_factory.mktemp("pictures") / "box.png", Renderer(256)
+    save_image(renderer.render(mesh, VIEW, margin=MARGIN), path)
+    renderer.close()
     return path
 
 
@@ -118,9 +120,3 @@ def address(studio, tmp_path_factory):
 
     with serving(studio, tmp_path_factory.mktemp("served")) as address:
         yield address
-
-
-@pytest.fixture
-def downloads(tmp_path) -> Path:
-    (tmp_path / "downloads").mkdir()
-    return tmp_path / "downloads"

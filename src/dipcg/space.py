@@ -19,7 +19,10 @@ Condition = Mapping[str, tuple[Value, ...]]
 
 @dataclass(frozen=True)
 class Real:
-    """A real parameter between `low` and `high`, active when every entry of `when` holds."""
+    """A real parameter between `low` and `high`, active when every entry of `when` holds.
+
+    `label` is what people read for its name.
+    """
 
     name: str
     low: float | int
@@ -29,6 +32,7 @@ class Real:
     group: str = ""
     default: float | int | None = None
     when: Condition = field(default_factory=dict)
+    label: str = ""
 
     def encode(self, value: Value) -> float:
         return 2 * (float(value) - self.low) / (self.high - self.low) - 1
@@ -54,7 +58,10 @@ class Real:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of several options, active when every entry of `when` holds."""
+    """One of several options, active when every entry of `when` holds.
+
+    `label` is what people read for its name, and `labels` for the options, where their values would mislead.
+    """
 
     name: str
     options: tuple[Value, ...]
@@ -63,6 +70,8 @@ class Choice:
     group: str = ""
     default: Value | None = None
     when: Condition = field(default_factory=dict)
+    label: str = ""
+    labels: tuple[str, ...] = ()
 
     @property
     def centres(self) -> Float[np.ndarray, " k"]:

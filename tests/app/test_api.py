@@ -1,111 +1,153 @@
-"""The app over HTTP: what programs get, and what strangers may send."""
+"""The API: a program gets what Python gets, and every error is one sentence."""
 
+import io
 import json
-import struct
-import urllib.error
 import urllib.request
-import zlib
 
 import numpy as np
 import pytest
 import trimesh
 from boxes import BOX, TRUTH
-from gradio_client import Client, handle_file
-from gradio_client.exceptions import AppError
 from PIL import Image
 
-from dipcg.app.limits import MOST_BODY_BYTES
-from dipcg.images import MAX_PIXELS
-from dipcg.inference.estimate import Options
+from dipcg.app.client import ApiError, Client
+from dipcg.inference.estimate import Options, describe, estimate
+from dipcg.labels import label
+
+ORDERED = Options(generator="box", candidates=2, fixed={"width": 0.4})
 
 
 @pytest.fixture(scope="module")
-def client(address):
-    return Client(address, verbose=False)
+def client(address) -> Client:
+    return Client(address, timeout_s=60.0)
 
 
-def test_a_program_gets_what_python_gets(client, studio, picture, tmp_path):
-    found = client.predict(handle_file(picture), "box", 2, 0, {"width": 0.4}, api_name="/estimate")
-    expected = studio.estimate(picture, Options(generator="box", candidates=2, fixed={"width": 0.4})).estimate
-    assert [c["params"] for c in found["candidates"]] == [c.params for c in expected.candidates]
-    assert (found["generators"], found["chances"]) == ({"box": 1.0}, found["probabilities"])
-    assert found["candidates"][0]["agreement"] == pytest.approx(expected.candidates[0].agreement)
-    best = found["candidates"][0]["params"]
-    file = client.predict("box", best, ".glb", False, api_name="/build")
-    assert trimesh.load(file).extents.max() > 0.2
-    assert client.predict(api_name="/generators") == [{"name": "box", "parameters": BOX.describe()}]
-    cut = Image.open(client.predict(handle_file(picture), None, api_name="/cut_out"))
-    assert np.asarray(cut)[..., 3].min() == 0
+def test_a_program_gets_what_python_gets(client, studio, picture):
+    found = client.estimate(picture, generator="box", candidates=2, fixed={"width": 0.4})
+    expected = estimate(picture, studio.inverters, ORDERED)
+    assert [c["params"] for c in found["candidates"]] == [c.params for c in expected.estimate.candidates]
+    assert found["candidates"][0]["agreement"] == pytest.approx(expected.estimate.candidates[0].agreement, abs=1e-6)
+    assert (found["generators"], found["ranked"]) == ({"box": 1.0}, True)
+    assert found["misfit"] == pytest.approx(expected.estimate.misfit, abs=1e-6)
+    assert Image.open(io.BytesIO(client.picture(found["picture"]))).mode == "RGBA"
 
 
-def test_a_program_may_say_what_it_wants(client, studio):
+def test_the_unranked_estimate_comes_first_and_more_candidates_follow(client, picture):
+    seen: list = []
+    last = client.estimate(picture, report=seen.append, candidates=8, seed=1)
+    results = [job["result"] for job in seen if job["result"]]
+    assert (results[0]["ranked"], len(results[0]["candidates"])) == (False, 8)
+    assert all(c["agreement"] is None and c["thumbnail"] is None for c in results[0]["candidates"])
+    assert (results[-1], last["ranked"]) == (last, True)
+    assert all(c["thumbnail"].startswith("data:image/webp") for c in last["candidates"])
+    shares = [job["share"] for job in seen]
+    assert (shares, seen[-1]["state"]) == (sorted(shares), "done")
+
+
+def test_words_become_candidates(client, studio):
     pytest.importorskip("transformers")
-    found = client.predict("a low box with legs", "", 2, 0, {"width": 0.4}, api_name="/describe")
-    options = Options(generator="box", candidates=2, fixed={"width": 0.4})
-    expected = studio.describe("a low box with legs", options).estimate
-    assert [c["params"] for c in found["candidates"]] == [c.params for c in expected.candidates]
-    assert found["misfit"] is None
+    found = client.describe("a low box with legs", generator="box", candidates=2, fixed={"width": 0.4})
+    expected = describe("a low box with legs", studio.text_inverters, ORDERED)
+    assert [c["params"] for c in found["candidates"]] == [c.params for c in expected.estimate.candidates]
+    assert (found["misfit"], found["picture"]) == (None, None)
+    assert len({json.dumps(c["view"]) for c in found["candidates"]}) == 1, "all from one side"
+
+
+def test_generators_are_described_with_labels(client):
+    (found,) = client.generators()
+    assert [p["name"] for p in found["parameters"]] == BOX.names
+    assert [p["label"] for p in found["parameters"]] == [label(p) for p in BOX]
+    overhang = next(p for p in found["parameters"] if p["name"] == "overhang")
+    assert (overhang["high"], overhang["unit"], overhang["when"]) == (0.15, "m", {"top": ["flat", "pyramid"]})
+    assert BOX.validate(client.random("box", seed=3)) == client.random("box", seed=3)
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".gltf", ".ply", ".stl"])
+def test_files_have_the_size_that_the_parameters_say(client, tmp_path, suffix):
+    made = client.build("box", TRUTH, tmp_path / f"box{suffix}")
+    assert trimesh.load(made).extents[0] == pytest.approx(TRUTH["width"] + 2 * TRUTH["overhang"], abs=1e-4)
+
+
+def test_an_obj_comes_with_its_materials_and_parameters_as_edit_reads_them(client, tmp_path):
+    assert client.build("box", TRUTH, tmp_path / "box.obj").suffix == ".zip"
+    made = client.build("box", TRUTH, tmp_path / "box.json")
+    assert json.loads(made.read_text()) == {"generator": "box", "params": TRUTH}
+
+
+def test_the_size_of_a_file_is_known_before_it_is_fetched(client, tmp_path):
+    seen: list = []
+    made = client.build("box", TRUTH, tmp_path / "box.glb", seen.append, faces=12)
+    result = seen[-1]["result"]
+    assert (result["bytes"], result["name"]) == (made.stat().st_size, "box.glb")
+    assert result["triangles"] == sum(len(part.faces) for part in trimesh.load(made).geometry.values())
+
+
+def test_a_preview_is_the_asset(client):
+    loaded = trimesh.load(io.BytesIO(client.preview("box", TRUTH)), file_type="glb")
+    assert loaded.extents[0] == pytest.approx(TRUTH["width"] + 2 * TRUTH["overhang"], abs=1e-4)
+
+
+def test_a_cut_out_is_a_picture_that_stays_as_it_is(client, picture):
+    cut = client.cut_out(client.upload(picture), how="by colour", difference=5)
+    again = client.cut_out(cut["picture"]["id"])
+    pixels = [np.array(Image.open(io.BytesIO(client.picture(c["picture"]["id"])))) for c in (cut, again)]
+    np.testing.assert_array_equal(*pixels)
+    assert client.finish(client.start_estimate(cut["picture"]["id"], candidates=1))["generator"] == "box"
+
+
+def test_a_cancelled_job_ends(client, picture):
+    job = client.start_estimate(client.upload(picture), candidates=32)
+    client.cancel(job)
+    with pytest.raises(ApiError, match="cancelled"):
+        client.finish(job)
+
+
+def test_what_is_forgotten_is_gone(client, picture):
+    name = client.upload(picture)
+    client.forget(name)
+    for ask in (client.picture, client.start_estimate):
+        with pytest.raises(ApiError, match="no such picture") as error:
+            ask(name)
+        assert error.value.status == 404
 
 
 @pytest.mark.parametrize(
-    ("words", "endpoint", "said"),
+    ("path", "body", "status", "said"),
     [
-        (["", "box", 2, 0, {}], "/describe", "The text is empty"),
-        (["box", {"width": 99}, ".glb", False], "/build", "These parameters are missing"),
-        (["box", TRUTH | {"width": 99}, ".glb", False], "/build", "width must be a number from 0.3 to 1 m, got 99."),
-        (["box", TRUTH, ".exe", False], "/build", "There is no format '.exe'"),
-        (["box", "all of them", ".glb", False], "/build", "Parameters are an object"),
-        (["bax", TRUTH, ".glb", False], "/build", "Did you mean 'box'?"),
-        (["../../etc/passwd", TRUTH, ".glb", False], "/build", "There is no generator"),
+        ("/estimates", {}, 422, "Give either a picture or a text"),
+        ("/estimates", {"text": "a box", "generator": "bax"}, 404, "Did you mean 'box'?"),
+        (
+            "/estimates",
+            {"text": "a box", "candidates": 99},
+            422,
+            "candidates: Input should be less than",
+        ),
+        ("/estimates", {"text": "a box", "generator": "box", "fixed": {"width": 9}}, 422, "width must be a number"),
+        ("/estimates", {"text": "a box", "fixed": {"width": 0.5}}, 422, "only of a generator that is named"),
+        ("/estimates", {"picture": "../../etc/passwd"}, 422, "picture: String should match pattern"),
+        ("/estimates", {"text": "a box", "path": "/etc/passwd"}, 422, "path: Extra inputs are not permitted"),
+        ("/assets", {"generator": "box", "params": {"width": 99}}, 422, "These parameters are missing"),
+        ("/assets", {"generator": "box", "params": TRUTH | {"width": 99}}, 422, "from 0.3 to 1 m, got 99"),
+        ("/assets", {"generator": "box", "params": TRUTH, "format": ".exe"}, 422, "There is no format '.exe'"),
+        ("/assets", {"generator": "box", "params": TRUTH, "format": ".obj", "texture": 64}, 422, "hold no maps"),
+        ("/assets", {"generator": "box", "params": "all"}, 422, "params: Input should be a valid dictionary"),
+        ("/assets/preview", {"generator": "../../etc/passwd", "params": TRUTH}, 404, "There is no generator"),
     ],
 )
-def test_what_a_program_asks_wrongly_is_answered_in_a_sentence(client, words, endpoint, said):
-    with pytest.raises(AppError) as caught:
-        client.predict(*words, api_name=endpoint)
-    assert said in str(caught.value)
-    assert "Traceback" not in str(caught.value)
+def test_what_is_asked_wrongly_is_answered_in_a_sentence(client, path, body, status, said):
+    with pytest.raises(ApiError) as error:
+        client.send("POST", path, json.dumps(body).encode())
+    assert said in str(error.value)
+    assert (error.value.status, str(error.value)[-1] in ".?") == (status, True)
 
 
-def bomb(side: int) -> bytes:
-    """A PNG of a few kilobytes that would fill memory."""
-
-    def chunk(kind: bytes, content: bytes) -> bytes:
-        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
-
-    rows_of_zeros = zlib.compress(b"\0" * (side * (side // 8 + 1)), 9)
-    header = struct.pack(">IIBBBBB", side, side, 1, 0, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", rows_of_zeros) + chunk(b"IEND", b"")
+def test_unusable_words_fail_the_job_with_a_sentence(client):
+    pytest.importorskip("transformers")
+    with pytest.raises(ApiError, match="The text"):
+        client.describe("ein hölzerner Stuhl mit geschwungener Rückenlehne", generator="box")
 
 
-def test_pictures_that_are_none_or_too_large_are_refused(client, tmp_path):
-    (tmp_path / "text.png").write_text("no picture")
-    (tmp_path / "bomb.png").write_bytes(bomb(int(MAX_PIXELS**0.5) + 800))
-    (tmp_path / "huge.png").write_bytes(bomb(20_000))
-    for name, said in [("text", "not a picture"), ("bomb", "64 million"), ("huge", "64 million")]:
-        with pytest.raises(AppError, match=said):
-            client.predict(handle_file(tmp_path / f"{name}.png"), None, api_name="/cut_out")
-
-
-def test_no_path_and_no_address_of_a_client_is_opened(client, picture, tmp_path):
-    secret = tmp_path / "secret.png"
-    secret.write_bytes(picture.read_bytes())
-    for path in (str(secret), "/etc/passwd", "../../../etc/passwd", "file:///etc/passwd"):
-        assert "it was not uploaded by a user" in posted(client, path), path
-    assert "addresses are not fetched" in posted(client, "http://192.0.2.1/a.png")
-
-
-def posted(client: Client, path: str) -> str:
-    """What the server says to a picture of this path; the client of Gradio would upload the file."""
-    data = json.dumps({"data": [{"path": path, "meta": {"_type": "gradio.FileData"}}, None]}).encode()
-    address = f"{client.src}gradio_api/call/cut_out"
-    request = urllib.request.Request(address, data, {"Content-Type": "application/json"})
-    event = json.loads(urllib.request.urlopen(request, timeout=20).read())["event_id"]
-    return urllib.request.urlopen(f"{address}/{event}", timeout=20).read().decode()
-
-
-def test_a_request_that_is_too_large_is_not_read(client):
-    request = urllib.request.Request(f"{client.src}gradio_api/queue/join", b"{}", {"Content-Type": "application/json"})
-    request.add_unredirected_header("Content-Length", str(MOST_BODY_BYTES + 1))
-    with pytest.raises(urllib.error.HTTPError) as caught:
-        urllib.request.urlopen(request, timeout=10)
-    assert caught.value.code == 413
+def test_the_description_of_the_api_needs_nothing_from_elsewhere(address):
+    page = urllib.request.urlopen(address + "/docs").read().decode()
+    assert "//" not in page.replace("<!doctype html>", "")
+    assert json.load(urllib.request.urlopen(address + "/openapi.json"))["paths"]["/api/v1/estimates"]

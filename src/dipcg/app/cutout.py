@@ -2,85 +2,109 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, get_args
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import UInt8
 
-from dipcg.images import ImageError, Source, cut_by_colour, cut_out, load_image
+from dipcg.app.models import Corrections, Crop, Stroke
+from dipcg.images import Cutout, ImageError, Source, cut_by_colour, cut_out
 
-How = Literal["automatic", "by colour", "own mask", "nothing"]
-HOWS: tuple[str, ...] = get_args(How)
-SIDE = 320  # of the picture that is shown
-MOST_CROPPED = 0.95  # of a side
+RGBA = UInt8[np.ndarray, "h w 4"]
 
-
-@dataclass(frozen=True)
-class Correction:
-    """How to cut: `difference` from the background's colour in CIELAB, or a `mask`, light where the object is.
-
-    `crop` is what is cut away first at the left, right, top and bottom, as shares of the picture's sides.
-    """
-
-    how: How = "automatic"
-    difference: float = 14.0
-    mask: Source | None = None
-    crop: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+# The most that may be cut away of a side, at both ends together.
+MOST_CROPPED = 0.95
+SENTENCES = {
+    "alpha": "Cut out by its transparency.",
+    "plain": "Cut out from a plain background.",
+    "photo": "Cut out of a photograph; look whether all of it is there.",
+}
+# The mask of a cut-out says what is hidden and what is the object, as GrabCut names them.
+HIDDEN, OBJECT = 0, 1
 
 
-def corrected(source: Source, correction: Correction) -> UInt8[np.ndarray, "H W 4"]:
-    """The picture with what a visitor cut away made transparent; as it is when cutting is left to the model.
+def cut(image: RGBA | Cutout, wanted: Corrections, mask: RGBA | None = None) -> Cutout:
+    """Cut the object out as a visitor wants it; `mask` is light where the object is.
 
     Raises images.ImageError with a sentence.
     """
-    image = load_image(source)
-    if correction.how == "own mask":  # which lies on all of the picture
-        return cropped(_masked(image, correction.mask), correction.crop)
-    image = cropped(image, correction.crop)
-    if correction.how == "by colour":
-        return cut_by_colour(image, correction.difference)
-    if correction.how == "nothing":
-        return _marked_as_cut(image)
-    return image
+    if isinstance(image, Cutout) and wanted == Corrections():
+        return image
+    pixels = image.image if isinstance(image, Cutout) else image
+    found = _cut_by(wanted, pixels, mask)
+    strokes = [(wanted.background, HIDDEN), (wanted.foreground, OBJECT)]
+    if not any(drawn for drawn, _ in strokes):
+        return found
+    # The colours under what was cut away are still needed.
+    whole = cropped(pixels, wanted.crop)
+    return replace(found, image=_with_strokes(whole, found.image, strokes))
 
 
-def cropped(image: UInt8[np.ndarray, "h w 4"], crop: tuple[float, float, float, float]) -> UInt8[np.ndarray, "H W 4"]:
-    """The picture without shares of it at the left, right, top and bottom; raises images.ImageError with a sentence."""
-    left, right, top, bottom = crop
-    if min(crop) < 0 or left + right > MOST_CROPPED or top + bottom > MOST_CROPPED:
-        taken = ", ".join(f"{100 * share:.0f} %" for share in crop)
+def cropped(image: RGBA, crop: Crop) -> RGBA:
+    """The picture without shares of it at its sides; raises images.ImageError with a sentence."""
+    if crop.left + crop.right > MOST_CROPPED or crop.top + crop.bottom > MOST_CROPPED:
         raise ImageError(
             f"The crop leaves too little: left and right, and top and bottom, may take {100 * MOST_CROPPED:.0f} % "
-            f"together, got {taken} at the left, right, top and bottom."
+            f"together, got {100 * (crop.left + crop.right):.0f} % and {100 * (crop.top + crop.bottom):.0f} %."
         )
     height, width = image.shape[:2]
-    down = slice(int(top * height), height - int(bottom * height))  # at least a pixel, as int rounds down
-    return image[down, int(left * width) : width - int(right * width)]
+    # At least a pixel stays, since int() rounds down.
+    down = slice(int(crop.top * height), height - int(crop.bottom * height))
+    return image[down, int(crop.left * width) : width - int(crop.right * width)]
 
 
-def shown(image: UInt8[np.ndarray, "h w 4"]) -> tuple[UInt8[np.ndarray, "s s 4"], str]:
-    """The cut-out as the model will see it, and in words how it was made; raises images.ImageError."""
-    cutout = cut_out(image)
-    how = {
-        "alpha": "Cut out by its transparency.",
-        "plain": "Cut out from a plain background.",
-        "photo": "Cut out of a photograph; look whether all of it is there.",
-    }[cutout.background]
-    return cutout.crop(SIDE), how
+def _cut_by(wanted: Corrections, image: RGBA, mask: RGBA | None) -> Cutout:
+    ways: dict[str, Callable[[], Source]] = {
+        "auto": lambda: cropped(image, wanted.crop),
+        "by colour": lambda: cut_by_colour(cropped(image, wanted.crop), wanted.difference),
+        "as it is": lambda: _marked_as_cut(cropped(image, wanted.crop)),
+        # The mask lies on all of the picture.
+        "mask": lambda: cropped(_masked(image, mask), wanted.crop),
+    }
+    return cut_out(ways[wanted.how]())
 
 
-def _masked(image: UInt8[np.ndarray, "h w 4"], mask: Source | None) -> UInt8[np.ndarray, "h w 4"]:
+def _masked(image: RGBA, mask: RGBA | None) -> RGBA:
     import cv2
 
     if mask is None:
         raise ImageError("Add the mask first: a picture that is light where the object is, and dark elsewhere.")
-    given = load_image(mask)
-    light = (given[..., :3].mean(-1) * (given[..., 3] / 255)).astype(np.uint8)
+    light = (mask[..., :3].mean(-1) * (mask[..., 3] / 255)).astype(np.uint8)
     alpha = cv2.resize(light, image.shape[1::-1], interpolation=cv2.INTER_AREA)
     return np.dstack([image[..., :3], np.where(alpha > 127, alpha, 0).astype(np.uint8)])
 
 
-def _marked_as_cut(image: UInt8[np.ndarray, "h w 4"]) -> UInt8[np.ndarray, "H W 4"]:
+def _marked_as_cut(image: RGBA) -> RGBA:
     """All of the picture kept: a wide transparent border says that it was cut out already."""
     return np.pad(image, ((len(image) // 4 + 1,) * 2, (image.shape[1] // 4 + 1,) * 2, (0, 0)))
+
+
+def _with_strokes(whole: RGBA, found: RGBA, strokes: Sequence[tuple[Sequence[Stroke], int]]) -> RGBA:
+    """The cut-out grown and shrunk to what the strokes say (GrabCut, Rother et al. 2004)."""
+    import cv2
+
+    height, width = whole.shape[:2]
+    alpha = np.asarray(cv2.resize(found[..., 3], (width, height)), np.uint8)
+    marks = np.full((height, width), 255, np.uint8)
+    for drawn, value in strokes:
+        for stroke in drawn:
+            _draw(marks, stroke, value)
+    guess = np.where(alpha > 127, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
+    mask = np.where(marks == 255, guess, marks).astype(np.uint8)
+    if (mask % 2 == 0).any() and (mask % 2 == 1).any():
+        colours, models = np.ascontiguousarray(whole[..., 2::-1]), (np.zeros((1, 65)), np.zeros((1, 65)))
+        cv2.grabCut(colours, mask, (0, 0, 1, 1), *models, 3, cv2.GC_INIT_WITH_MASK)
+    kept = np.where(mask % 2 == 1, np.where(alpha > 127, alpha, 255), 0).astype(np.uint8)
+    if not (kept > 32).any():
+        raise ImageError("The strokes leave nothing of the object; take one of them back.")
+    return np.dstack([whole[..., :3], kept])
+
+
+def _draw(marks: UInt8[np.ndarray, "h w"], stroke: Stroke, value: int) -> None:
+    import cv2
+
+    height, width = marks.shape
+    points = np.rint(np.array(stroke.points) * [width - 1, height - 1]).astype(np.int32)
+    thickness = max(1, round(2 * stroke.radius * max(height, width)))
+    cv2.polylines(marks, [points.reshape(-1, 1, 2)], False, (value,), thickness)

@@ -1,55 +1,79 @@
-"""The web app: a picture in, candidates, every parameter to edit, files out. One page of Gradio over app_actions."""
+"""The web server: the API and the static page over uvicorn."""
 
 from __future__ import annotations
 
-import os
+import asyncio
+import contextlib
 import tempfile
-from collections.abc import Sequence
+import webbrowser
+from collections.abc import AsyncIterator, Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import gradio as gr
-from starlette.middleware import Middleware
+import uvicorn
+from fastapi import FastAPI
+from fastapi.staticfiles import StaticFiles
 
-from dipcg.app.api import add_api
-from dipcg.app.limits import MOST_BYTES, WAITING, BodyLimit, fetch_no_addresses
-from dipcg.app.page import BUILDS, FILES, Page
-from dipcg.app.service import Studio
+import dipcg
+from dipcg.app.desk import Desk
+from dipcg.app.errors import add_error_handlers
+from dipcg.app.guard import Guard
+from dipcg.app.limits import MOST_JSON_BYTES
+from dipcg.app.protocol import TimedProtocol
+from dipcg.app.routes import router
+from dipcg.app.studio import Studio
+
+STATIC = Path(__file__).parent / "static"
+# Seconds that requests have to end after Ctrl-C or SIGTERM.
+LAST_S = 3
+# The server sends nothing to anybody but its clients.
+SILENT: Any = {"tracing": False, "metrics": False, "logs": False, "auto_configure": False}
 
 
-def serve(names: Sequence[str], host: str, port: int, workers: int | None, browser: bool) -> None:
-    """Serve the page until Ctrl-C; files of visitors live in a folder that is deleted at the end."""
-    with tempfile.TemporaryDirectory(prefix="dipcg-") as folder, Studio(names, workers) as studio:
-        page = build_page(studio, Path(folder))
-        launch(page, host, port, inbrowser=browser)
+def serve(
+    names: Sequence[str], host: str, port: int, workers: int | None, browser: bool, allow_hosts: Sequence[str] = ()
+) -> None:
+    """Serve until Ctrl-C or SIGTERM; files of visitors live in a folder that is deleted at the end."""
+    address = f"http://{host}:{port}"
+    with temporary_folder() as folder, Studio(names, workers) as studio:
+        print(f"The page is at {address}, the API's description at {address}/docs; Ctrl-C stops the server.")
+        if browser:
+            webbrowser.open(address)
+        uvicorn.run(**settings(make_app(studio, folder, {host, *allow_hosts}), host, port))
 
 
-def launch(page: gr.Blocks, host: str = "127.0.0.1", port: int | None = None, **settings: Any) -> str:
-    """Start the server of a page, bounded in what it takes; returns its address."""
-    _, address, _ = page.launch(
-        server_name=host, server_port=port, show_error=True, max_file_size=MOST_BYTES, share=False, ssr_mode=False,
-        state_session_capacity=WAITING, css_paths=FILES / "page.css", theme=_theme(), footer_links=["api"],
-        app_kwargs={"middleware": [Middleware(BodyLimit)]}, **settings,
+@contextlib.contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """A folder for files of visitors, which is deleted at the end."""
+    with tempfile.TemporaryDirectory(prefix="dipcg-", ignore_cleanup_errors=True) as folder:
+        yield Path(folder)
+
+
+def settings(app: Any, host: str, port: int) -> dict[str, Any]:
+    """How uvicorn runs an application."""
+    return {
+        "app": app, "host": host, "port": port, "http": TimedProtocol, "ws": "none", "loop": "asyncio",
+        "log_level": "warning", "access_log": False, "server_header": False,
+        "timeout_graceful_shutdown": LAST_S, "h11_max_incomplete_event_size": 16 * 1024,
+    }  # fmt: skip
+
+
+def make_app(studio: Studio, folder: Path, hosts: Collection[str] = ()) -> Guard:
+    """The application; `folder` is where files of visitors go, `hosts` are names under which it answers."""
+
+    @contextlib.asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        app.state.desk = desk = Desk(studio, folder)
+        sweeping = asyncio.create_task(desk.sweep_for_ever())
+        yield
+        sweeping.cancel()
+        await asyncio.to_thread(desk.close)
+
+    app = FastAPI(
+        title="dipcg", version=dipcg.__version__, docs_url=None, redoc_url=None, lifespan=lifespan,
+        max_body_size=MOST_JSON_BYTES, telemetry=SILENT,
     )  # fmt: skip
-    return address
-
-
-def build_page(studio: Studio, folder: Path) -> gr.Blocks:
-    """The page and its HTTP API; `folder` is where uploads and downloads go."""
-    fetch_no_addresses()
-    os.environ["GRADIO_TEMP_DIR"] = str(folder / "uploads")
-    downloads = folder / "downloads"
-    downloads.mkdir(parents=True, exist_ok=True)
-    with gr.Blocks(title="dipcg", analytics_enabled=False, delete_cache=(600, 3600), fill_width=True) as page:
-        add_api(studio, downloads)  # first, since Gradio gives a name to the first that asks, private or not
-        Page(studio, downloads)
-    return page.queue(max_size=WAITING, default_concurrency_limit=BUILDS)
-
-
-def _theme() -> gr.themes.Base:
-    """Gradio's plain theme with the system's fonts, so that nothing is fetched from elsewhere."""
-    fonts = ("ui-sans-serif", "system-ui", "sans-serif")
-    theme = gr.themes.Base(
-        primary_hue="amber", neutral_hue="stone", font=fonts, font_mono=("ui-monospace", "monospace")
-    )
-    return theme.set(block_border_width="0px", body_background_fill="#faf9f7", block_background_fill="transparent")
+    add_error_handlers(app)
+    app.include_router(router)
+    app.mount("/", StaticFiles(directory=STATIC, html=True))
+    return Guard(app, hosts)

@@ -13,6 +13,7 @@ def serve(
     port: int = 7860,
     workers: int | None = None,
     browser: bool = False,
+    allow_host: tuple[str, ...] = (),
 ) -> None:
     """Start the web app, in which pictures become editable assets, and its HTTP API.
 
@@ -22,11 +23,12 @@ def serve(
         port: port to listen on
         workers: number of build processes of each generator; by the number of processors when left out
         browser: open the page
+        allow_host: names under which the server may be asked, besides localhost; give the name of your proxy
     """
     try:
         from dipcg.app.server import serve as start
     except ModuleNotFoundError as error:
-        if error.name != "gradio":
+        if error.name not in ("fastapi", "uvicorn"):
             raise
-        raise ModuleNotFoundError("The web app needs Gradio: run `pip install 'dipcg[app]'`.") from None
-    start(names, host, port, workers, browser)
+        raise ModuleNotFoundError("The web app needs FastAPI and uvicorn: run `pip install 'dipcg[app]'`.") from None
+    start(names, host, port, workers, browser, allow_host)

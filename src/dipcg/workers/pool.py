@@ -53,9 +53,12 @@ class BuildPool:
         """Build one mesh; raises BuildError with a sentence."""
         return self.submit(params, detail).result()
 
-    def submit(self, params: Params, detail: Detail = "full", priority: int = 0) -> Future[Mesh]:
-        """Start one build; the future's result is the mesh or a BuildError. Lower priorities are built first."""
-        return self._turns.submit(lambda: self._build(params, detail)[0], priority)
+    def submit(self, params: Params, detail: Detail = "full", priority: int = 0, tries: int = 1) -> Future[Mesh]:
+        """Start one build; the future's result is the mesh or a BuildError. Lower priorities are built first.
+
+        With two `tries` a build whose worker died is tried once more, since the cause may lie outside of it.
+        """
+        return self._turns.submit(lambda: self._try(params, detail, tries), priority)
 
     def map(self, many: Iterable[Params], detail: Detail = "light") -> Iterator[Mesh | BuildError]:
         """Build many in parallel, in order; the error of a failed one stands in its place.
@@ -92,6 +95,14 @@ class BuildPool:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _try(self, params: Params, detail: Detail, tries: int) -> Mesh:
+        try:
+            return self._build(params, detail)[0]
+        except BuildError as error:
+            if error.reason != "crashed" or tries == 1 or self._turns.is_closed:
+                raise
+        return self._try(params, detail, tries - 1)
 
     def _build(self, params: Params, detail: Detail) -> tuple[Mesh, float]:
         child = self._idle_child()

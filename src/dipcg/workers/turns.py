@@ -30,13 +30,13 @@ class Turns:
         self._began: dict[int, float] = {}
         self._changed = threading.Condition()
         self._threads: list[threading.Thread] = []
-        self._closed = False
+        self.is_closed = False
 
     def submit(self, work: Callable[[], T], priority: int = 0) -> Future[T]:
         """Let the work run when its turn comes; raises RuntimeError when this is closed."""
         future: Future[T] = Future()
         with self._changed:
-            if self._closed:
+            if self.is_closed:
                 raise RuntimeError("This pool is closed.")
             heapq.heappush(self._waiting, (priority, next(self._numbers), work, future))
             self._start_threads()
@@ -58,7 +58,7 @@ class Turns:
     def close(self) -> None:
         """Cancel what waits, and take nothing more; what runs goes on."""
         with self._changed:
-            self._closed = True
+            self.is_closed = True
             for *_, future in self._waiting:
                 future.cancel()
             self._waiting.clear()
@@ -84,7 +84,7 @@ class Turns:
     def _take(self) -> tuple[Callable[[], Any], Future[Any]] | None:
         """The next work, when it may run; None when this is closed."""
         with self._changed:
-            while not self._closed:
+            while not self.is_closed:
                 seconds = self._seconds_to_wait()
                 if self._waiting and seconds == 0:
                     *_, work, future = heapq.heappop(self._waiting)

@@ -1,0 +1,152 @@
+"""A client of the API in plain Python: what a script, a test or an add-on needs.
+
+>>> client = Client("http://127.0.0.1:7860")
+>>> estimate = client.estimate("photo.png")
+>>> best = estimate["candidates"][0]["params"]
+>>> client.build(estimate["generator"], best | {"width": 0.6}, "chair.glb")
+"""
+
+from __future__ import annotations
+
+import json
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+Answer = dict[str, Any]
+# Called with each change of a job, as `GET /api/v1/jobs/{id}` gives it.
+Report = Callable[[Answer], None]
+
+
+class ApiError(RuntimeError):
+    """The server refused a request, or a job failed; the message is the server's sentence, `status` its number."""
+
+    def __init__(self, sentence: str, status: int = 0) -> None:
+        super().__init__(sentence)
+        self.status = status
+
+
+class Client:
+    """A server at an address. It needs nothing but Python, and every method raises ApiError with a sentence."""
+
+    def __init__(self, url: str = "http://127.0.0.1:7860", timeout_s: float = 600.0) -> None:
+        self.url, self.timeout_s = url.rstrip("/"), timeout_s
+        # No proxy of the environment, since the server is usually this machine.
+        self._open = urllib.request.build_opener(urllib.request.ProxyHandler({})).open
+
+    def about(self) -> Answer:
+        """Version, formats, limits and examples of the server."""
+        return self._json("GET", "/about")
+
+    def generators(self) -> list[Answer]:
+        """The generators with their parameters."""
+        return self._json("GET", "/generators")
+
+    def random(self, generator: str, seed: int | None = None) -> Answer:
+        """Random parameters of a generator."""
+        query = "" if seed is None else f"?seed={seed}"
+        return self._json("GET", f"/generators/{quote(generator)}/random{query}")["params"]
+
+    def upload(self, picture: str | Path | bytes) -> str:
+        """Send a picture, from a file or as bytes; returns its id."""
+        content = picture if isinstance(picture, bytes) else Path(picture).read_bytes()
+        return json.loads(self.send("POST", "/pictures", content, "image/*"))["id"]
+
+    def cut_out(self, picture: str, **corrections: Any) -> Answer:
+        """Cut the object out of an uploaded picture; `corrections` are those of the API."""
+        return self._json("POST", f"/pictures/{picture}/object", corrections)
+
+    def picture(self, picture: str) -> bytes:
+        """An uploaded picture or a cut-out as PNG."""
+        return self.send("GET", f"/pictures/{picture}")
+
+    def forget(self, picture: str) -> None:
+        """Delete an uploaded picture."""
+        self.send("DELETE", f"/pictures/{picture}")
+
+    def estimate(self, picture: str | Path | bytes, report: Report | None = None, **options: Any) -> Answer:
+        """Upload a picture and estimate; `options` are those of the API: generator, candidates, seed, fixed, object."""
+        return self.finish(self.start_estimate(self.upload(picture), **options), report)
+
+    def describe(self, text: str, report: Report | None = None, **options: Any) -> Answer:
+        """Estimate what a sentence describes."""
+        return self.finish(self._json("POST", "/estimates", {"text": text, **options})["job"], report)
+
+    def build(
+        self, generator: str, params: Mapping[str, Any], path: str | Path, report: Report | None = None, **options: Any
+    ) -> Path:
+        """Build an asset and save it, in the format of the path's ending; `options`: detail, faces, texture.
+
+        An OBJ comes as an archive with its materials, so the file that was written is returned.
+        """
+        path = Path(path)
+        wanted = {"generator": generator, "params": dict(params), "format": path.suffix, **options}
+        made = self.finish(self._json("POST", "/assets", wanted)["job"], report)
+        target = path.with_suffix(Path(made["name"]).suffix)
+        target.write_bytes(self.send("GET", made["file"].removeprefix("/api/v1")))
+        return target
+
+    def preview(self, generator: str, params: Mapping[str, Any]) -> bytes:
+        """An asset in light detail as GLB, at once."""
+        return self.send("POST", "/assets/preview", _as_json({"generator": generator, "params": dict(params)}))
+
+    def start_estimate(self, picture: str, **options: Any) -> str:
+        """Start an estimate from an uploaded picture; returns the id of the job."""
+        return self._json("POST", "/estimates", {"picture": picture, **options})["job"]
+
+    def job(self, job: str) -> Answer:
+        """How far a job is."""
+        return self._json("GET", f"/jobs/{job}")
+
+    def cancel(self, job: str) -> None:
+        """Cancel a job."""
+        self.send("DELETE", f"/jobs/{job}")
+
+    def follow(self, job: str) -> Iterator[Answer]:
+        """The job after each change, until it is over."""
+        with self._answer("GET", f"/jobs/{job}/events") as lines:
+            for line in lines:
+                if line.startswith(b"data:"):
+                    yield json.loads(line[5:])
+
+    def finish(self, job: str, report: Report | None = None) -> Answer:
+        """Wait for the result of a job."""
+        last: Answer = {}
+        for last in self.follow(job):
+            if report:
+                report(last)
+        if last.get("state") != "done":
+            raise ApiError(last.get("error") or "The job was cancelled.")
+        return last["result"]
+
+    def send(self, method: str, path: str, body: bytes | None = None, kind: str = "application/json") -> bytes:
+        """A request to a path below /api/v1, and the bytes of the answer."""
+        with self._answer(method, path, body, kind) as answer:
+            return answer.read()
+
+    def _json(self, method: str, path: str, body: Any = None) -> Any:
+        return json.loads(self.send(method, path, None if body is None else _as_json(body)))
+
+    def _answer(self, method: str, path: str, body: bytes | None = None, kind: str = "application/json") -> Any:
+        headers = {"Content-Type": kind} if body is not None else {}
+        request = urllib.request.Request(f"{self.url}/api/v1{path}", body, headers, method=method)
+        try:
+            return self._open(request, timeout=self.timeout_s)
+        except urllib.error.HTTPError as error:
+            raise ApiError(_sentence(error), error.code) from None
+        except urllib.error.URLError as error:
+            raise ApiError(f"There is no answer from {self.url} ({error.reason}).") from None
+
+
+def _as_json(body: Any) -> bytes:
+    return json.dumps(body).encode()
+
+
+def _sentence(error: urllib.error.HTTPError) -> str:
+    try:
+        return str(json.load(error)["error"])
+    except (ValueError, KeyError):
+        return f"The server answered with {error.code}."

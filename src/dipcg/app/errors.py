@@ -1,0 +1,54 @@
+"""Every error as one sentence in JSON: `{"error": "What was wrong, what was got, what to do."}`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+
+from dipcg.app.jobs import Busy, sentence
+from dipcg.workers.process import BuildError
+
+# Of errors that Starlette itself raises.
+SENTENCES = {
+    404: "There is nothing at this address.",
+    405: "This address does not take this method.",
+    413: "The request is too large.",
+}
+
+
+def add_error_handlers(app: FastAPI) -> None:
+    """Let an application answer errors in one sentence each."""
+    app.add_exception_handler(HTTPException, _of_http)
+    app.add_exception_handler(RequestValidationError, _of_validation)
+    app.add_exception_handler(ValueError, _of(422))
+    app.add_exception_handler(BuildError, _of(422))
+    app.add_exception_handler(Busy, _of(503))
+    app.add_exception_handler(Exception, _of(500))
+
+
+def _answer(status: int, words: str, headers: Any = None) -> JSONResponse:
+    return JSONResponse({"error": words}, status, headers)
+
+
+def _of(status: int) -> Any:
+    async def handle(_: Request, error: Exception) -> JSONResponse:
+        return _answer(status, sentence(error))
+
+    return handle
+
+
+async def _of_http(_: Request, error: Any) -> JSONResponse:
+    standard = error.detail in ("Not Found", "Method Not Allowed", "Content Too Large")
+    words = SENTENCES[error.status_code] if standard else str(error.detail)
+    return _answer(error.status_code, words, error.headers)
+
+
+async def _of_validation(_: Request, error: Any) -> JSONResponse:
+    first = error.errors()[0]
+    where = ".".join(str(part) for part in first["loc"] if part != "body")
+    words = str(first["msg"]).removeprefix("Value error, ").rstrip(".")
+    return _answer(422, f"{where}: {words}." if where else f"{words}.")

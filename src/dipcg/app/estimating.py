@@ -1,0 +1,202 @@
+"""Estimates for many visitors at once: one pass of the network for all that wait, the likeliest candidates built first.
+
+A job passes through these stages, and waits for another visitor's build in none of them:
+1. Two threads cut objects out.
+2. One thread runs the network, on all pictures that wait by then. The unranked result is shown.
+3. The workers build the first four candidates, two threads compare them with the picture, and the result is shown.
+4. The workers build the others when they have nothing else to do, and the same threads compare them.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+from dipcg.app.jobs import Job, guarded
+from dipcg.app.pictures import Pictures
+from dipcg.app.results import Judged, as_answer, judge
+from dipcg.app.studio import Studio
+from dipcg.images import Cutout
+from dipcg.inference.estimate import Options, Result, describe, look, look_at_many
+from dipcg.mesh import Mesh
+from dipcg.workers.process import BuildError
+
+# Pictures in one pass of the network.
+BATCH = 16
+# Candidates that are built before the others, and the priorities of both; what a visitor edits comes before either.
+FIRST, SOON, LATER = 4, 1, 2
+NONE_BUILT = "None of the candidates could be built; try another picture or another seed."
+
+
+@dataclass
+class Asked:
+    """One estimate that a visitor waits for."""
+
+    job: Job
+    source: str | Callable[[], Cutout]
+    """a sentence, or what cuts the object out"""
+    options: Options
+    owner: str
+    thumbnails: bool = True
+    cutout: Cutout | None = None
+    picture: str | None = None
+    """the id of the cut-out"""
+
+
+class Estimating:
+    """The threads that estimate."""
+
+    def __init__(self, studio: Studio, pictures: Pictures) -> None:
+        self._studio, self._pictures = studio, pictures
+        self._cutting = ThreadPoolExecutor(2, thread_name_prefix="cut")
+        self._judging = ThreadPoolExecutor(2, thread_name_prefix="judge")
+        self._waiting: deque[Asked] = deque()
+        self._changed = threading.Condition()
+        self._closed = False
+        self._network = threading.Thread(target=self._run_network, name="network", daemon=True)
+        self._network.start()
+
+    def start(self, asked: Asked) -> None:
+        """Begin; the job says how it goes on."""
+        if isinstance(asked.source, str):
+            self._await_network(asked)
+        else:
+            self._cutting.submit(guarded, asked.job, partial(self._cut, asked, asked.source))
+
+    def place(self, job: Job) -> int | None:
+        """How many wait for the network before a job, if it waits too."""
+        with self._changed:
+            return next((number for number, asked in enumerate(self._waiting) if asked.job is job), None)
+
+    def close(self) -> None:
+        """Stop after what is being done."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+        for threads in (self._cutting, self._judging):
+            threads.shutdown(cancel_futures=True)
+        self._network.join()
+
+    def _cut(self, asked: Asked, source: Callable[[], Cutout]) -> None:
+        asked.job.report(0.05, "Looking at the picture")
+        asked.cutout = source()
+        asked.picture, _ = self._pictures.add(asked.cutout, asked.owner)
+        self._await_network(asked)
+
+    def _await_network(self, asked: Asked) -> None:
+        with self._changed:
+            self._waiting.append(asked)
+            self._changed.notify_all()
+
+    def _run_network(self) -> None:
+        while taken := self._take():
+            words = [asked for asked in taken if asked.cutout is None]
+            pictures = [asked for asked in taken if asked.cutout is not None]
+            for asked in words:
+                guarded(asked.job, partial(self._describe, asked))
+            if pictures:
+                self._look(pictures)
+
+    def _take(self) -> list[Asked]:
+        """The next that wait for the network; empty when this is closed."""
+        with self._changed:
+            while not self._waiting and not self._closed:
+                self._changed.wait()
+            count = 0 if self._closed else min(BATCH, len(self._waiting))
+            taken = [self._waiting.popleft() for _ in range(count)]
+        return [asked for asked in taken if not asked.job.is_over] or ([] if self._closed else self._take())
+
+    def _describe(self, asked: Asked) -> None:
+        assert isinstance(asked.source, str)
+        self._looked(asked, describe(asked.source, self._studio.text_inverters, asked.options, asked.job.report))
+
+    def _look(self, many: Sequence[Asked]) -> None:
+        for asked in many:
+            asked.job.report(0.1, "Estimating the parameters")
+        pictures: Any = [(asked.cutout, asked.options) for asked in many]
+        try:
+            results = look_at_many(pictures, self._studio.inverters)
+        except Exception:
+            # One of them cannot be estimated. Each alone says which.
+            results = [None] * len(many)
+        for asked, result in zip(many, results, strict=True):
+            if result is None:
+                self._judging.submit(guarded, asked.job, partial(self._look_alone, asked))
+            else:
+                guarded(asked.job, partial(self._looked, asked, result))
+
+    def _look_alone(self, asked: Asked) -> None:
+        assert asked.cutout is not None
+        self._looked(asked, look([asked.cutout], self._studio.inverters, asked.options, asked.job.report))
+
+    def _looked(self, asked: Asked, result: Result) -> None:
+        """Show what the network says, and have the first candidates built."""
+        asked.job.show(as_answer(result, asked.picture))
+        asked.job.report(0.3, "Building and comparing the candidates")
+        candidates = result.estimate.candidates
+        first = replace(result, estimate=replace(result.estimate, candidates=candidates[:FIRST]))
+        self._build(first, SOON, partial(self._compare_first, asked, first, candidates[FIRST:]), asked)
+
+    def _build(self, result: Result, priority: int, then: Callable[[list[Any]], None], asked: Asked) -> None:
+        """Build the candidates without a mesh, and let a thread go on with the meshes, or the errors, of all."""
+        waiting = [c for c in result.estimate.candidates if c.mesh is None]
+        name = result.estimate.generator
+        builds = [self._studio.submit(name, c.params, "light", priority) for c in waiting]
+        asked.job.watch(builds)
+        when_all_done(builds, lambda: self._judging.submit(guarded, asked.job, partial(then, _outcomes(builds))))
+
+    def _compare_first(self, asked: Asked, result: Result, others: list[Any], built: list[Any]) -> None:
+        found = judge(result, built, self._studio, asked.thumbnails)
+        if not others:
+            return self._finish(asked, found)
+        if found.result.estimate.candidates:
+            asked.job.show(as_answer(found.result, asked.picture, found.thumbnails))
+        asked.job.report(0.6, "Building and comparing more candidates")
+        every = [*found.result.estimate.candidates, *others]
+        rest = replace(found.result, estimate=replace(found.result.estimate, candidates=every))
+        self._build(rest, LATER, partial(self._compare_rest, asked, rest), asked)
+
+    def _compare_rest(self, asked: Asked, result: Result, built: list[Any]) -> None:
+        self._finish(asked, judge(result, built, self._studio, asked.thumbnails))
+
+    def _finish(self, asked: Asked, found: Judged) -> None:
+        if not found.result.estimate.candidates:
+            raise BuildError("raised", NONE_BUILT)
+        asked.job.finish(as_answer(found.result, asked.picture, found.thumbnails))
+
+
+def when_all_done(futures: Sequence[Future[Any]], then: Callable[[], object]) -> None:
+    """Call a function once, when the last of some futures is done."""
+    left, lock = len(futures), threading.Lock()
+
+    def one_done(_: object) -> None:
+        nonlocal left
+        with lock:
+            left -= 1
+            last = left == 0
+        if last:
+            then()
+
+    for future in futures:
+        future.add_done_callback(one_done)
+    if not futures:
+        then()
+
+
+def _outcomes(builds: Sequence[Future[Mesh]]) -> list[Mesh | BuildError]:
+    """The mesh of each build, or the error in its place."""
+    return [_outcome(build) for build in builds]
+
+
+def _outcome(build: Future[Mesh]) -> Mesh | BuildError:
+    if build.cancelled():
+        return BuildError("raised", "The build was cancelled.")
+    error = build.exception()
+    if error is None:
+        return build.result()
+    return error if isinstance(error, BuildError) else BuildError("raised", str(error))
