@@ -3,6 +3,7 @@
 # make fast   no Blender, browser or training              make wheel-check  builds the package and tries it by itself
 # make lint   Ruff and Pyright                             make image        a Docker image of the web app
 # make bench  the numbers in docs/results.md               make image-check  runs the image's steps without Docker
+# make checkpoints   trains all that ships, for hours at the lowest priority; NAMES='chair table' trains these, in order
 # Each installs what is missing first, into .venv; a second call is instant. Options, as in `make demo TORCH=cpu`:
 #   EXTRAS=app,dev              the optional parts to install
 #   PYTHON=/path/to/python3.11  which Python; by default 3.11 of this machine, or else one that uv downloads
@@ -45,7 +46,7 @@ PACKAGES := libglib2.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri libxrender1
 MACHINE_PYTHON := $(or $(shell command -v python3.11),$(shell command -v python3),python3)
 HEADERS := import os, sysconfig; raise SystemExit(not os.path.exists(sysconfig.get_path("include") + "/Python.h"))
 
-.PHONY: help install system environment demo test fast lint format bench audit pins wheel-check image image-check clean
+.PHONY: help install system environment demo test fast lint format bench checkpoints audit pins wheel-check image image-check clean
 
 help:
 	@sed -n 's/^# \{0,1\}//p;/^SHELL/q' Makefile
@@ -106,6 +107,10 @@ format: install
 
 bench: install
 	$(BIN)/python -m benchmarks $(ARGS)
+
+checkpoints: install
+	nice -n 19 $(BIN)/python -m benchmarks.marathon $(NAMES)
+	nice -n 19 $(BIN)/python -m benchmarks.ship $(NAMES)
 
 # pip-audit gets an environment of its own. Without --strict it passes where its database cannot be reached.
 audit: $(UV_PROGRAM)

@@ -27,6 +27,7 @@ USUALLY = {
     "recognition": "an hour",
     "render": "seconds",
     "sheets": "minutes",
+    "ship": "an hour",
     "speed": "2 minutes",
     "sustained": "10 minutes",
     "text_classifier": "seconds",
