@@ -220,7 +220,8 @@ def _targets(images: Sequence[Path], written: Written, preview: Path | None) -> 
 
 def _named(stem: str, files: Targets) -> Targets:
     """The files with another name."""
-    return Targets(*(file and file.with_stem(stem) for file in files))
+    output, *others = files
+    return Targets(output.with_stem(stem), *(file and file.with_stem(stem) for file in others))
 
 
 def _open_batch(images: Sequence[Path], written: Written, preview: Path | None) -> Batch | None:
