@@ -114,6 +114,13 @@ def compact(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices[used], faces, mesh.parts[order], mesh.part_names)
 
 
+def differs(a: Mesh, b: Mesh, share: float = 1e-5) -> bool:
+    """Whether the shapes differ by more than rounding, which is a share of the longest side."""
+    if a.vertices.shape != b.vertices.shape or a.faces.shape != b.faces.shape:
+        return True
+    return bool(np.abs(a.vertices - b.vertices).max() > share * a.side) or not np.array_equal(a.faces, b.faces)
+
+
 def sort_faces(mesh: Mesh) -> Mesh:
     """The same mesh with its faces in an order of our own, because Blender's may depend on memory addresses."""
     faces, order = sort_triangles(mesh.faces, mesh.parts)

@@ -1,5 +1,6 @@
 """Blender files as generators: every kind of input, nothing in them runs, a sentence for what cannot be used."""
 
+import json
 import shutil
 import subprocess
 import sys
@@ -12,7 +13,7 @@ import pytest
 from dipcg.blender.declaration import write_declaration
 from dipcg.cli import main
 from dipcg.generators import load_generator
-from dipcg.importing.blend import import_blend
+from dipcg.importing.blend import Options, import_blend
 from dipcg.space import Choice, Real
 from dipcg.workers.pool import BuildPool
 
@@ -58,27 +59,27 @@ RANGES = {"size_2": "0:1", "Turn": "-90:90"}
 
 
 def test_every_kind_of_input_becomes_what_a_person_would_expect(blends):
-    found = import_blend(blends / "kinds.blend", ranges=RANGES | {"Shift": "-0.5:0.5", "shift_z": "0:1"})
+    ranges = RANGES | {"Shift": "-0.5:0.5", "shift_z": "0:1"}
+    found = import_blend(blends / "kinds.blend", Options(ranges=ranges))
     space = load_generator(str(found.path)).space
     assert space.names == found.parameters
-    size, turn, many = space["size"], space["_2nd_turn"], space["many"]
+    size, turn, many = space["size"], space["turn_x"], space["many"]
     assert isinstance(size, Real)
     assert (size.low, size.high, size.unit, size.default) == (1, 2, "m", 1.5)
     assert isinstance(turn, Real)
     assert (turn.low, turn.high, turn.unit) == (pytest.approx(-90), pytest.approx(90), "°")
     assert isinstance(space["few"], Choice)
-    assert (space["few"].options, space["shown"].options) == ((2, 3, 4, 5), (False, True))
+    assert space["few"].options == (2, 3, 4, 5)
     assert isinstance(many, Real)
     assert (many.low, many.high) == (1, 100)
-    assert [(space[name].low, space[name].high) for name in ("shift_x", "shift_z", "turn_y", "size_2")] == [
-        (-0.5, 0.5), (0, 1), (-90, 90), (0, 1)
-    ]  # fmt: skip
-    assert "höhe" in space
-    assert set(found.left_out) == {"Fixed", "Hidden", "Note", "Other"}
+    limits = [(space[name].low, space[name].high) for name in ("shift_x", "shift_z", "turn_y")]
+    assert limits == [(-0.5, 0.5), (0, 1), (-90, 90)]
+    assert set(found.left_out) == {"Fixed", "Hidden", "Note", "Other", "size", "Höhe!", "2nd Turn", "Shown"}
+    assert found.left_out["Höhe!"] == "it changes nothing in any trial"
 
 
 def test_inputs_reach_the_graph_in_their_own_units(blends):
-    toml = import_blend(blends / "kinds.blend", ranges=RANGES).path
+    toml = import_blend(blends / "kinds.blend", Options(ranges=RANGES)).path
     still = {"size": 1.0, "turn_x": 0, "turn_y": 0, "turn_z": 0, "shift_x": 0, "shift_y": 0, "shift_z": 0}
     still |= {"few": 2, "many": 2}
     plain, large, moved, turned, fine = built(
@@ -125,19 +126,25 @@ def test_two_processes_build_the_same_whatever_they_built_before():
 # Limits
 
 
-def test_what_has_no_limits_is_named_with_an_example(capsys, blends):
-    said = sentence(capsys, "generators", "add", blends / "kinds.blend")
-    assert "no limits" in said
-    assert 'size_2, turn_x, turn_y, turn_z. Give each its own: --range "size_2=0:1".' in said
-    assert not (blends / "kinds.toml").exists()
+def test_what_has_no_limits_gets_a_range_with_a_reason(capsys, blends):
+    main(["generators", "add", str(blends / "kinds.blend"), "--hold", "Shift", "--json"])
+    made = json.loads(capsys.readouterr().out)
+    assert made["parameters"]["turn_z"] == {
+        "name": "turn_z", "value": "0", "range": "-45 to 45", "why": "a tilt to either side"
+    }  # fmt: skip
+    assert made["left_out"]["Shift x"] == "held at its value, as you said"
+    assert 'why = "a tilt to either side"' in (blends / "kinds.toml").read_text()
+    assert "shift_x" not in load_generator(str(blends / "kinds.toml")).space
 
 
-def test_what_has_no_limits_is_asked_for_on_a_terminal(blends):
+def test_ranges_are_asked_for_and_an_empty_answer_takes_the_proposal(blends):
     asked = []
-    found = import_blend(blends / "kinds.blend", ask=lambda question: asked.append(question) or "0:2")
-    assert [question.split(" has")[0] for question in asked] == ["size", "Turn x", "Turn y", "Turn z"]
-    assert asked[1].endswith("Lowest:highest in °? ")
-    assert load_generator(str(found.path)).space["turn_z"].high == 2
+    answers = {"Turn y": "0:10", "Turn z": " "}
+    ask = Options(ask=lambda question: asked.append(question) or answers.get(question.split(" is")[0], ""))
+    space = load_generator(str(import_blend(blends / "kinds.blend", ask).path)).space
+    assert [question.split(" is")[0] for question in asked] == ["size", "Turn x", "Turn y", "Turn z"]
+    assert asked[1] == "Turn x is 0 in ° and has no limits. Lowest:highest (-45:45)? "
+    assert [(space[name].low, space[name].high) for name in ("turn_x", "turn_y")] == [(-45, 45), (0, 10)]
 
 
 @pytest.mark.parametrize(
@@ -168,7 +175,7 @@ def test_a_wrong_range_is_named(capsys, blends, given, expected):
         ("plain.blend", [], "has a Geometry Nodes modifier"),
         ("curve.blend", [], "'Ring' has no faces"),
         ("no_inputs.blend", [], "no input of 'Box' can be a parameter (Note: string inputs are not parameters"),
-        ("linked.blend", [], "uses other files (//kinds.blend)"),
+        ("linked.blend", [], "needs the geometry node tree 'tree' of //kinds.blend"),
         ("missing.blend", [], "There is no file"),
         ("text.blend", [], "text.blend is not a Blender file"),
         ("empty.blend", [], "empty.blend is not a Blender file"),
@@ -190,18 +197,18 @@ def test_a_file_that_cannot_be_used_gets_a_sentence(capsys, blends, name, words,
 def test_blender_that_stops_hangs_or_is_missing_gets_a_sentence(capsys, blends, monkeypatch):
     add = ["generators", "add", blends / "instances.blend"]
     with monkeypatch.context() as patch:
-        patch.setattr("dipcg.importing.blend.sys.executable", shutil.which("false"))
-        assert "it may be damaged. Its exit code was 1." in sentence(capsys, *add)
+        patch.setattr("dipcg.workers.process.sys.executable", shutil.which("false"))
+        assert "The worker process died (exit code 1)." in sentence(capsys, *add)
     with monkeypatch.context() as patch:
         patch.setattr("dipcg.importing.blend.TIMEOUT_S", 0.01)
         assert "took longer than 0.01 s" in sentence(capsys, *add)
     with monkeypatch.context() as patch:
-        patch.setattr("dipcg.importing.blend.find_spec", lambda name: None)
-        assert "needs bpy: run `pip install" in sentence(capsys, *add)
+        patch.setattr("dipcg.workers.rpc.find_spec", lambda name: None)
+        assert "Blender's module is missing: run `pip install" in sentence(capsys, *add)
 
 
 def test_one_of_several_objects_is_chosen_by_name(blends):
-    assert import_blend(blends / "two.blend", "Second").parameters == ["size"]
+    assert import_blend(blends / "two.blend", Options(object="Second")).parameters == ["size"]
 
 
 def test_nothing_in_the_file_runs(blends, made):

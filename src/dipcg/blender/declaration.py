@@ -14,18 +14,23 @@ from typing import Any
 from dipcg.mesh import Mesh
 from dipcg.space import Choice, Parameter, ParameterSpace, Params, Real, Value, did_you_mean
 
-# The identifier of a socket, a component, and a value, as in `geometry_nodes`.
+# The identifier of a socket, a component, which is "" unless the input is a vector, and a value.
 Setting = tuple[str, str, Value]
+# A Blender file, an object in it, a modifier, and the names of the groups that lead to its inputs.
+Place = tuple[str, str, str, tuple[str, ...]]
+# The identifier and the component of the input of each parameter.
+Inputs = dict[str, tuple[str, str]]
 
 # An integer of more values is a rounded real, because so many unordered options would be hard to learn.
 MAX_OPTIONS = 16
-TOP = ("doc", "blend", "object", "sha256", "mirrors", "parameters")
-KEYS = ("input", "component", "kind", "low", "high", "options", "unit", "group", "doc", "default", "when")
+TOP = ("doc", "blend", "object", "modifier", "group", "sha256", "blender", "mirrors", "parameters")
+KEYS = ("input", "component", "kind", "low", "high", "options", "unit", "group", "doc", "default", "when", "why")
 KINDS = ("real", "integer", "boolean", "menu")
 HEADER = """\
 # A generator over the Geometry Nodes of a Blender file, written by `dipcg generators add`. Edit it freely:
-# - names, limits, units and docs; delete a parameter, and its input keeps the value it has in the Blender file;
-# - `when = {{ shade = ["cone", "bell"] }}` for a parameter that changes nothing under other options;
+# - names, ranges, units and docs; `why` says how a range was proposed, and it is only a note;
+# - delete a parameter, and its input keeps the value it has in the Blender file;
+# - `when = {{ shade = ["Cone"] }}` for a parameter that changes nothing under other options;
 # - `mirrors = {{}}` below if every asset is its own mirror image, left to right, or `mirrors = {{ turn = "-turn" }}` if
 #   it is one with that parameter turned round: training then also learns from flipped pictures.
 # Use it: dipcg sample {path} -o {stem}.glb
@@ -47,13 +52,14 @@ def read_declaration(path: Path) -> SimpleNamespace:
         raise ValueError(f"{path}: {error}") from None
 
 
-def live_settings(path: Path, params: Params) -> tuple[str, str, list[Setting]]:
-    """The Blender file of a declaration, the name of the object, and the settings of its modifier's inputs.
+def live_settings(path: Path, params: Params) -> tuple[str, Place, list[Setting]]:
+    """The Blender that a declaration names, the place of the inputs in its file, and their settings.
 
     Raises as `read_declaration` does.
     """
-    blend, name, places = read_declaration(path).build.args
-    return blend, name, _settings(places, params)
+    declared = read_declaration(path)
+    place, inputs = declared.build.args
+    return declared.blender, place, _settings(inputs, params)
 
 
 def digest(blend: Path) -> str:
@@ -64,10 +70,11 @@ def digest(blend: Path) -> str:
 
 def write_declaration(top: Mapping[str, Any], parameters: Mapping[str, Mapping[str, Any]], path: Path) -> str:
     """The TOML text of a declaration; `path` is the file that it is for."""
-    lines = [HEADER.format(path=path, stem=path.stem), *(f"{key} = {_toml(value)}" for key, value in top.items())]
+    lines = [HEADER.format(path=path, stem=path.stem)]
+    lines += [f"{key} = {_toml(value)}" for key, value in top.items() if value not in ("", [])]
     for name, entry in parameters.items():
-        lines += ["", f"[parameters.{name if name.isascii() else _toml(name)}]"]
-        lines += [f"{key} = {_toml(entry[key])}" for key in KEYS if entry.get(key) not in (None, "", [])]
+        lines += ["", f"[parameters.{_key(name)}]"]
+        lines += [f"{key} = {_toml(entry[key])}" for key in KEYS if entry.get(key) not in (None, "", [], {})]
     return "\n".join(lines) + "\n"
 
 
@@ -75,33 +82,36 @@ def _declared(top: dict[str, Any], path: Path) -> SimpleNamespace:
     _check_keys(top, TOP, ("blend", "object", "sha256", "parameters"), "the file")
     for name, entry in top["parameters"].items():
         _check_keys(entry, KEYS, ("input", "kind"), name)
-    space = ParameterSpace(*(_parameter(name, entry) for name, entry in top["parameters"].items()))
+    space = ParameterSpace(*(parameter_of(name, entry) for name, entry in top["parameters"].items()))
     blend = _unchanged(path.parent / top["blend"], top["sha256"])
-    places = {name: (entry["input"], entry.get("component", "")) for name, entry in top["parameters"].items()}
+    inputs = {name: (entry["input"], entry.get("component", "")) for name, entry in top["parameters"].items()}
+    place = (str(blend), top["object"], top.get("modifier", ""), tuple(top.get("group", ())))
     return SimpleNamespace(
         __doc__=top.get("doc", f"The Geometry Nodes of {blend.name}."),
         space=space,
-        build=partial(_build, str(blend), top["object"], places),
-        prepare=partial(_prepare, str(blend), top["object"]),
+        build=partial(_build, place, inputs),
+        prepare=partial(_prepare, place),
         mirrors=top.get("mirrors"),
-        needs=("bpy",),
+        # Another Blender brings its own module.
+        needs=() if top.get("blender") else ("bpy",),
+        blender=top.get("blender", ""),
     )
 
 
-def _prepare(blend: str, name: str) -> None:
+def _prepare(place: Place) -> None:
     from dipcg.blender.geometry_nodes import open_graph
 
-    open_graph(blend, name)
+    open_graph(*place)
 
 
-def _build(blend: str, name: str, places: dict[str, tuple[str, str]], params: Params) -> Mesh:
+def _build(place: Place, inputs: Inputs, params: Params) -> Mesh:
     from dipcg.blender.geometry_nodes import evaluate, open_graph
 
-    return evaluate(open_graph(blend, name), _settings(places, params))
+    return evaluate(open_graph(*place), _settings(inputs, params))
 
 
-def _settings(places: dict[str, tuple[str, str]], params: Params) -> list[Setting]:
-    return [(*places[key], value) for key, value in params.items()]
+def _settings(inputs: Inputs, params: Params) -> list[Setting]:
+    return [(*inputs[key], value) for key, value in params.items()]
 
 
 def _unchanged(blend: Path, expected: str) -> Path:
@@ -116,7 +126,7 @@ def _unchanged(blend: Path, expected: str) -> Path:
     return blend.resolve()
 
 
-def _parameter(name: str, entry: dict[str, Any]) -> Parameter:
+def parameter_of(name: str, entry: dict[str, Any]) -> Parameter:
     if not name.isidentifier():
         raise ValueError(f"a parameter's name is made of letters, digits and _, got {name!r}.")
     shared: dict[str, Any] = {key: entry[key] for key in ("unit", "doc", "group", "default") if key in entry}
@@ -153,10 +163,16 @@ def _check_keys(entry: Any, allowed: tuple[str, ...], needed: tuple[str, ...], w
         raise ValueError(f"{where} lacks {', '.join(missing)}; write it with `dipcg generators add`.")
 
 
+def _key(name: str) -> str:
+    return name if name.isascii() else _toml(name)
+
+
 def _toml(value: Any) -> str:
     """A value in TOML, which differs from JSON here in one character; reals have the digits of single precision."""
     if isinstance(value, float):
         return f"{value:.7g}"
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{_key(name)} = {_toml(one)}' for name, one in value.items())} }}"
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(map(_toml, value))}]"
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json as jsons
-import sys
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from tyro.conf import Positional, arg
+from tyro.conf import Positional, UseAppendAction, arg
 
 from dipcg.cli import listing
 from dipcg.cli.assets import Settings, parse_settings
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from dipcg.importing.imported import Imported
 
 NewFile = Annotated[Path | None, arg(aliases=["-o"], metavar="FILE")]
+Names = Annotated[tuple[tuple[str, ...], ...], UseAppendAction, arg(metavar="NAME")]
 Ranges = Annotated[Settings, arg(metavar="NAME=LOW:HIGH")]
 
 
@@ -30,23 +31,41 @@ def generators(name: Positional[str] = "", /, *, json: bool = False) -> None:
 
 
 def generators_add(
-    source: Positional[str], /, *, object: str = "", range: Ranges = (), output: NewFile = None, json: bool = False
+    source: Positional[str],
+    /,
+    *,
+    object: str = "",
+    modifier: str = "",
+    range: Ranges = (),
+    hold: Names = (),
+    ask: bool = False,
+    blender: str = "",
+    output: NewFile = None,
+    json: bool = False,
 ) -> None:
     """Make a generator of what others made: a TOML file with its parameters, which you can edit.
 
     Args:
         source: a Blender file, ending in .blend: the inputs of its Geometry Nodes become parameters
         object: the object with the modifier, where several have one
+        modifier: the modifier, where the object has several; the first with inputs when left out
         range: lowest and highest value of an input, as name=low:high; narrows limits, or sets them where there are none
+        hold: inputs that stay as they are in the file
+        ask: ask for the range of each input without limits; otherwise one is proposed and tried
+        blender: another Blender to use, or a Python that has bpy; the TOML file remembers it
         output: TOML file to write; beside the source when left out
         json: print what was made as JSON
     """
-    if source.endswith(".blend"):
-        from dipcg.importing.blend import import_blend
+    from dipcg.cli.terminal import counter
 
-        made = import_blend(Path(source), object, parse_settings(range), output, input if sys.stdin.isatty() else None)
-    else:
+    if not source.endswith(".blend"):
         raise ValueError(f"{source} is no source of a generator; give a Blender file, ending in .blend.")
+    from dipcg.importing.blend import Options, import_blend
+
+    names = tuple(chain.from_iterable(hold))
+    options = Options(object, modifier, blender, parse_settings(range), names, input if ask else None)
+    with counter("builds") as update:
+        made = import_blend(Path(source), options, output, update)
     print(jsons.dumps(_as_json(made)) if json else listing.imported(made))
 
 

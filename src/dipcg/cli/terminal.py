@@ -34,6 +34,25 @@ def bar(label: str, total: int) -> Iterator[Update]:
             raise
 
 
+@contextlib.contextmanager
+def counter(what: str) -> Iterator[Callable[[int], None]]:
+    """A line that counts something if stderr is a terminal; it appears with the first update."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    status = console.status("")
+
+    def update(count: int) -> None:
+        if console.is_terminal:
+            status.update(f"{count} {what}")
+            status.start()
+
+    try:
+        yield update
+    finally:
+        status.stop()
+
+
 def error_text(error: Exception) -> str:
     """The sentence of an error, and for a failed build also how to repeat it."""
     from dipcg.workers.process import BuildError

@@ -15,9 +15,11 @@ def write_blend(mesh: Mesh, generator: str, params: Params, seed: int, path: Pat
 
     Raises workers.rpc.BlenderError with a sentence.
     """
-    with Blender() as blender:
-        if generator.endswith(".toml"):
-            blender.call("geometry_nodes:save_with", *live_settings(Path(generator), params), str(path))
-        else:
+    if generator.endswith(".toml"):
+        program, place, settings = live_settings(Path(generator), params)
+        with Blender(program) as blender:
+            blender.call("geometry_nodes:save_with", place, settings, str(path.absolute()))
+    else:
+        with Blender() as blender:
             text = params_to_json(params, generator)
             blender.call("scene:write_blend", mesh, generator, seed, text, str(path.absolute()))
