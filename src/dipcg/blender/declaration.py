@@ -11,13 +11,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+from dipcg.blender.sockets import Place, Setting
 from dipcg.mesh import Mesh
-from dipcg.space import Choice, Parameter, ParameterSpace, Params, Real, Value, did_you_mean
+from dipcg.space import Choice, Parameter, ParameterSpace, Params, Real, did_you_mean
 
-# The identifier of a socket, a component, which is "" unless the input is a vector, and a value.
-Setting = tuple[str, str, Value]
-# A Blender file, an object in it, a modifier, and the names of the groups that lead to its inputs.
-Place = tuple[str, str, str, tuple[str, ...]]
 # The identifier and the component of the input of each parameter.
 Inputs = dict[str, tuple[str, str]]
 

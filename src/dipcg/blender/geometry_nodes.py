@@ -13,9 +13,18 @@ from typing import Any
 
 import numpy as np
 
-from dipcg.blender.declaration import Place, Setting
 from dipcg.blender.opening import REALISE, Version, find_inputs, modifiers, open_object, python_drivers
-from dipcg.blender.sockets import Inputs, ModifierInputs, NodeInputs, Socket, add_geometry_sockets, sockets, usable
+from dipcg.blender.sockets import (
+    Inputs,
+    ModifierInputs,
+    NodeInputs,
+    Place,
+    Setting,
+    Socket,
+    add_geometry_sockets,
+    sockets,
+    usable,
+)
 from dipcg.mesh import Mesh, compact, make_mesh, sort_faces
 from dipcg.space import Value, did_you_mean
 

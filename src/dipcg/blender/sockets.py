@@ -8,7 +8,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from dipcg.space import Value
+
 KINDS = {"Float": "real", "Int": "integer", "Bool": "boolean", "Menu": "menu", "Vector": "vector", "Rotation": "vector"}
+# The identifier of an input, a component, which is "" unless it is a vector, and a value.
+Setting = tuple[str, str, Value]
+# A Blender file, an object in it, a modifier, and the names of the groups that lead to its inputs.
+Place = tuple[str, str, str, tuple[str, ...]]
 # Limits of this or more count as none; Blender's own defaults are so large.
 ENDLESS = 1e4
 
