@@ -13,6 +13,7 @@ from dipcg.images import MARGIN
 from dipcg.inference.compare import SIDE
 from dipcg.model.estimators import Estimator
 from dipcg.pipeline import Candidate, Estimate, Inverter
+from dipcg.registry import allow_code
 from dipcg.render import Renderer, sample_look
 from dipcg.space import Params, Real
 
@@ -61,6 +62,7 @@ def among(inverter: Inverter, image: np.ndarray, *candidates: Params, view: View
 def write_ball(folder: Path, most: float) -> str:
     """The file of a generator of balls, which fails where `hole` is more than that."""
     (folder / "ball.py").write_text(BALL.replace("MOST", str(most)))
+    allow_code(folder / "ball.py")
     return str(folder / "ball.py")
 
 

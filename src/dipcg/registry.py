@@ -1,6 +1,8 @@
 """Finding plugins: a file in `generators/`, `encoders/` or `metrics/`, an entry point, or a path to a file.
 
-The file name is the name of the plugin, and listing imports nothing.
+The file name is the name of the plugin, and listing imports nothing. A path may come from a checkpoint, an asset or a
+data set that somebody else has made, so a Python file runs only after `allow_code` has named it: the command line does
+this for the paths that stand on it.
 """
 
 from __future__ import annotations
@@ -17,6 +19,20 @@ from types import ModuleType
 from dipcg.space import did_you_mean
 
 KINDS = ("generators", "encoders", "metrics")
+# The Python files that may run.
+_allowed: set[Path] = set()
+
+
+class CodeError(ValueError):
+    """A Python file would run that nobody has allowed; the message has the flag that allows it."""
+
+
+def allow_code(*files: str | Path) -> None:
+    """Let Python files of generators, encoders and metrics run.
+
+    Only names that the user or the program has given belong here, and none that was read from a file.
+    """
+    _allowed.update(Path(file).resolve() for file in files)
 
 
 def names(kind: str) -> list[str]:
@@ -32,7 +48,8 @@ def is_path(name: str) -> bool:
 def load(kind: str, name: str) -> ModuleType:
     """Import a plugin by name, or by path when the name ends in `.py`.
 
-    Raises LookupError with the nearest name when there is none, and ValueError for a file that cannot be run.
+    Raises LookupError with the nearest name when there is none, CodeError for a file that is not allowed, and
+    ValueError for one that cannot be run.
     """
     if name.endswith(".py"):
         return _load_file(Path(name))
@@ -64,6 +81,11 @@ def _entry_points(kind: str) -> dict[str, EntryPoint]:
 def _load_file(path: Path) -> ModuleType:
     if not path.is_file():
         raise LookupError(f"There is no file {path} (looked for in {Path.cwd()}).")
+    if path.resolve() not in _allowed:
+        raise CodeError(
+            f"The Python file {path} is named by a checkpoint, an asset or a data set, and would run with all your "
+            f"rights. If you trust it, add --allow-code {path} to the command; in Python, call dipcg.allow_code."
+        )
     spec = importlib.util.spec_from_file_location(f"dipcg_plugin_{path.stem}", path.resolve())
     assert spec is not None, path
     assert spec.loader is not None, path

@@ -72,7 +72,7 @@ def test_a_failed_build_is_printed_with_what_edit_needs_to_repeat_it(capsys, tmp
     Path("ball.py").write_text(text)
     assert run("sample", "ball.py", "-o", "a.stl", "--set", "r=1.5") == 1
     printed = capsys.readouterr().err
-    assert printed.startswith("The generator raised ValueError: too round. `dipcg edit` builds it again")
+    assert printed.startswith("The generator raised ValueError: too round (ball.py, line 4). `dipcg edit`")
     Path("ball.json").write_text(printed[printed.index("{") :])
     assert run("edit", "ball.json", "-o", "a.stl") == 1
     assert capsys.readouterr().err == printed

@@ -13,12 +13,14 @@ from dipcg.camera import fit, world_to_camera
 from dipcg.generators import load_generator
 from dipcg.mesh import Mesh
 from dipcg.metrics import chamfer, surface_points
+from dipcg.registry import allow_code
 from dipcg.space import Choice, ParameterSpace, Params, Real
 from dipcg.workers.pool import BuildPool
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NAMES = [*registry.names("generators"), *(str(EXAMPLES / name) for name in ("lamp.toml", "seashell.py"))]
 IDS = [Path(name).name for name in NAMES]
+allow_code(*NAMES)
 # The number of random assets of each generator.
 SAMPLES = 6
 # The number of starting points from which a parameter is changed before it counts as one without an effect.

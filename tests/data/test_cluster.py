@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from tests.data.test_store import rows, write_generator
 
+from dipcg.data import cluster as clusters
 from dipcg.data import store
 from dipcg.data.cluster import Ray
 from dipcg.data.store import Progress, Store, build_dataset
@@ -62,6 +63,16 @@ def test_a_generator_that_cannot_start_on_a_node_says_why(cluster, tmp_path):
         file.write("def prepare():\n    raise ImportError('no Blender here')\n")
     with pytest.raises(BuildError, match="no Blender here"):
         build_dataset(ref, tmp_path / "data", 3, executor=Ray(cluster[0].address))
+
+
+@pytest.mark.parametrize("changed", ["dipcg", "dipcg's code", "the file"])
+def test_a_node_with_another_version_or_another_file_is_refused(tmp_path, changed):
+    ref = write_generator(tmp_path, "pass")
+    expected = clusters.origin(ref, clusters.PACKAGES)
+    changed = ref if changed == "the file" else changed
+    said = clusters._build(ref, expected | {changed: "other"}, 0, "uniform", range(2), 10.0)
+    assert f"would build other shapes: {changed} is {expected[changed]} and not other." in said
+    assert isinstance(clusters._build(ref, expected, 0, "uniform", range(2), 10.0), tuple)
 
 
 def test_a_cluster_that_does_not_answer_is_told(tmp_path, monkeypatch):

@@ -18,6 +18,7 @@ import dipcg
 from dipcg.data import store
 from dipcg.data.store import SPLITS, Local, Progress, Store, build_dataset, in_split
 from dipcg.generators import load_generator
+from dipcg.registry import allow_code
 from dipcg.space import params_from_json
 from dipcg.workers.pool import BuildPool
 from dipcg.workers.process import BuildError
@@ -47,13 +48,15 @@ def write_generator(folder: Path, body: str, low: float = 1.0) -> str:
         f"def build(params):\n    size = params['size']\n    {body}\n"
         "    return [[0, 0, 0], [size, 0, 0], [0, size, 0]], [[0, 1, 2]]\n"
     )
+    allow_code(path)
     return str(path)
 
 
 # Building
 
 KILLED = """
-import sys, dipcg.data.store as store
+import sys, dipcg, dipcg.data.store as store
+dipcg.allow_code(sys.argv[1])
 store.SHARD = int(sys.argv[3])
 store.build_dataset(sys.argv[1], sys.argv[2], 20)
 """

@@ -18,6 +18,7 @@ from dipcg.inference.recognise import OUT_OF_DISTRIBUTION_SCORE, doubt, out_of_d
 from dipcg.model.checkpoint import load_checkpoint, save_checkpoint
 from dipcg.model.zoo import find_checkpoint, shipped
 from dipcg.pipeline import Inverter
+from dipcg.registry import allow_code
 from dipcg.training.fit import fit, summaries
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "images"
@@ -37,6 +38,7 @@ def build(params):
 def folders(tmp_path_factory) -> list[Path]:
     folder = tmp_path_factory.mktemp("sets")
     (folder / "ring.py").write_text(RING)
+    allow_code(folder / "ring.py")
     build_dataset(str(folder / "ring.py"), folder / "ring", 60)
     build_dataset("box", folder / "box", 60)
     return [folder / "ring", folder / "box"]

@@ -20,6 +20,7 @@ from dipcg.metrics import (
     surface_points,
     wide_fscore,
 )
+from dipcg.registry import allow_code
 from dipcg.space import Choice, ParameterSpace, Real
 
 SPACE = ParameterSpace(
@@ -220,6 +221,7 @@ def test_a_space_without_choices_or_reals_has_nan_and_not_a_good_value():
 
 def test_a_metric_file_without_a_declaration_is_refused(tmp_path):
     (tmp_path / "bare.py").write_text("unit = 'm'\n")
+    allow_code(tmp_path / "bare.py")
     with pytest.raises(ValueError, match="must define measure, better, worst"):
         load_metric(str(tmp_path / "bare.py"))
     with pytest.raises(LookupError, match="Did you mean 'chamfer'"):

@@ -17,6 +17,7 @@ from dipcg.data.store import build_dataset
 from dipcg.generators import load_generator
 from dipcg.model.checkpoint import save_checkpoint
 from dipcg.model.estimators import Estimator
+from dipcg.registry import allow_code
 from dipcg.training import snapshots
 from dipcg.training.log import Log
 from dipcg.training.snapshots import SHAPES, SIDE, TAG
@@ -46,6 +47,7 @@ def ball(tmp_path_factory) -> Path:
     """A generator, a data set of it in `data` and an untrained checkpoint in `run`."""
     folder = tmp_path_factory.mktemp("ball")
     (folder / "ball.py").write_text(BALL)
+    allow_code(folder / "ball.py")
     build_dataset(str(folder / "ball.py"), folder / "data", 100)
     generator = load_generator(str(folder / "ball.py"))
     torch.manual_seed(0)

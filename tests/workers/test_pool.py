@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dipcg.registry import allow_code
 from dipcg.space import params_from_json
 from dipcg.workers.pool import BuildPool
 from dipcg.workers.process import BuildError, Child
@@ -79,6 +80,7 @@ MODES += ("noise", "novel", "litter", "half", "pickle", "progress", "child", "da
 def write_generator(folder: Path, recycle_after: int = 1000, extra: str = "") -> str:
     path = folder / "triangle.py"
     path.write_text(GENERATOR.format(modes=MODES, recycle_after=recycle_after, extra=extra))
+    allow_code(path)
     return str(path)
 
 
@@ -182,6 +184,7 @@ def test_an_error_names_the_last_line_of_the_users_file(tmp_path):
         "from dipcg.space import ParameterSpace, Real\nfrom legs import legs\n"
         "space = ParameterSpace(Real('size', 1.0, 2.0))\ndef build(params):\n    return legs()\n"
     )
+    allow_code(tmp_path / "stool.py")
     with BuildPool(str(tmp_path / "stool.py")) as pool, pytest.raises(BuildError) as error:
         pool.build({"size": 1.0})
     assert str(error.value).endswith(" (legs.py, line 4).")
@@ -198,6 +201,7 @@ def test_files_beside_a_generator_are_found_from_any_folder(tmp_path, monkeypatc
         "    return params['size'] * np.loadtxt('corners.txt').reshape(3, 3), [[0, 1, 2]]\n"
     )
     monkeypatch.chdir(tmp_path)
+    allow_code("mine/triangle.py")
     with BuildPool("mine/triangle.py") as pool:
         assert pool.build({"size": 4.0}).side == 4.0
 
@@ -333,7 +337,8 @@ def test_what_a_build_has_started_goes_with_the_program(tmp_path):
 
 
 SCRIPT = """
-import sys
+import dipcg, sys
+dipcg.allow_code(sys.argv[1])
 from dipcg.workers.pool import BuildPool
 with BuildPool(sys.argv[1], workers=2, timeout_s=60.0) as pool:
     for mesh in pool.map([{"size": 1.0, "mode": "slow"}] * 4):

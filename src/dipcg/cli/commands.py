@@ -16,6 +16,7 @@ import tyro
 from tyro.conf import FlagCreatePairsOff
 
 from dipcg.cli.assets import edit, sample
+from dipcg.cli.code import ALLOW, allowed_code
 from dipcg.cli.dataset import dataset_build, dataset_gallery, dataset_info
 from dipcg.cli.estimate import estimate
 from dipcg.cli.evaluate import evaluate
@@ -41,7 +42,8 @@ def doctor(*, json: bool = False) -> None:
         raise SystemExit(1)
 
 
-ABOUT = "From a picture to the parameters of a procedural generator, and so to an exact, light, editable asset."
+ABOUT = "From a picture to the parameters of a procedural generator, and so to an exact, light, editable asset.\n\n"
+ABOUT += f"Every command takes {ALLOW} FILE.py: a Python file that a data file names runs only so."
 COMMANDS = {
     "generators": generators,
     "generators add": generators_add,
@@ -69,6 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if example := example_for(words):
         print(example)
     try:
+        words = allowed_code(words)
         commands = COMMANDS | {"train": _trainer(words)}
         tyro.extras.subcommand_cli_from_dict(
             commands, prog="dipcg", description=ABOUT, args=words, config=(FlagCreatePairsOff,)

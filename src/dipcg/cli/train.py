@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 from tyro.conf import Positional, arg
 
 from dipcg.cli.assets import Name, Output
+from dipcg.cli.code import ALLOW
 from dipcg.config import ModelConfig, TrainConfig
 from dipcg.model.zoo import RUNS
 
@@ -52,7 +53,8 @@ def train(
             log(status)
 
         run(data, folder, train, model, report)
-    print(f"Wrote the best weights to {folder}. Try: dipcg estimate PICTURE -g {folder} -o out.glb")
+    allow = f" {ALLOW} {info['ref']}" if info["ref"].endswith(".py") else ""
+    print(f"Wrote the best weights to {folder}. Try: dipcg estimate PICTURE -g {folder} -o out.glb{allow}")
 
 
 @contextlib.contextmanager

@@ -20,7 +20,8 @@ class Inverters(Mapping[str, Inverter]):
 
     `names` are generators or folders with checkpoints. Without names they are the generators that ship and can be built
     here, or for text all that ship. No checkpoint is loaded twice; one of a folder is loaded at once, since it says
-    which generator it is for. Raises LookupError for an unknown name and zoo.CheckpointError with a sentence.
+    which generator it is for. Raises LookupError for an unknown name, ValueError for two checkpoints of one generator,
+    and zoo.CheckpointError with a sentence.
     """
 
     def __init__(self, names: Sequence[str] = (), workers: int = 1, reads: Reads = "pictures") -> None:
@@ -29,7 +30,9 @@ class Inverters(Mapping[str, Inverter]):
         # By reference and by folder, since several references may lead to one folder.
         self._loaded: dict[str, Inverter] = {}
         chosen = names or (recognisable() if reads == "pictures" else shipped(reads))
-        self._refs = {ref if _is_name(ref) else self._load(ref).generator.name: ref for ref in chosen}
+        self._refs: dict[str, str] = {}
+        for ref in chosen:
+            self._add(ref if _is_name(ref) else self._load(ref).generator.name, ref)
 
     def __getitem__(self, name: str) -> Inverter:
         return self._load(self._refs[name])
@@ -76,6 +79,11 @@ class Inverters(Mapping[str, Inverter]):
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def _add(self, name: str, ref: str) -> None:
+        other = self._refs.setdefault(name, ref)
+        if other != ref and self._load(other) is not self._load(ref):
+            raise ValueError(f"{other} and {ref} are both for the generator {name!r}; give only one of them.")
+
     @cached_property
     def _classifier(self) -> tuple[Classifier, Inverter] | None:
         if not FILE.is_file() or not self.keys() & set(read_classifier(FILE).names):
@@ -96,7 +104,7 @@ class Inverters(Mapping[str, Inverter]):
 
 
 def _is_name(ref: str) -> bool:
-    return "/" not in ref and not registry.is_path(ref) and not Path(ref).is_dir()
+    return ref in registry.names("generators") or not ("/" in ref or registry.is_path(ref) or Path(ref).is_dir())
 
 
 def recognisable() -> list[str]:

@@ -32,22 +32,28 @@ def shipped(reads: Reads = "pictures") -> list[str]:
 
 
 def find_checkpoint(name: str, reads: Reads = "pictures") -> Path:
-    """The folder of a checkpoint: `name` itself if it is one, or the shipped checkpoint of the generator `name`.
+    """The folder of a checkpoint: the shipped one of the generator `name`, or else `name` itself if it is one.
 
-    For the path of a generator's file it is the folder that `dipcg train` writes for this file by default. Raises
-    LookupError for an unknown generator, and CheckpointError when the generator has no checkpoint.
+    A folder that is called like a generator needs a slash, such as ./chair. For the path of a generator's file it is
+    the folder that `dipcg train` writes for this file by default. Raises LookupError for an unknown generator, and
+    CheckpointError when the generator has no checkpoint.
     """
-    own_file = registry.is_path(name)
-    for folder in (RUNS / Path(name).stem,) if own_file else (Path(name), _home(reads) / name):
-        if (folder / CARD).is_file():
-            return folder
-    if "/" not in name and not own_file:
+    folder = _folder(name, reads)
+    if (folder / CARD).is_file():
+        return folder
+    if "/" not in name and not registry.is_path(name):
         registry.check("generators", name)
     what, flag = _WORDING[reads]
     raise CheckpointError(
         f"There is no {what} for {name!r} (shipped: {', '.join(shipped(reads)) or 'none'}). "
         f"Make one with `dipcg train {name} --data DIR{flag}`, or give its folder."
     )
+
+
+def _folder(name: str, reads: Reads) -> Path:
+    if registry.is_path(name):
+        return RUNS / Path(name).stem
+    return _home(reads) / name if name in registry.names("generators") else Path(name)
 
 
 def _home(reads: Reads) -> Path:

@@ -21,6 +21,7 @@ from typing import Any
 
 from dipcg.generators import load_generator
 from dipcg.mesh import MeshError
+from dipcg.registry import allow_code
 from dipcg.workers.messages import Channel
 
 # The longest message of an error that is passed on, in characters.
@@ -34,6 +35,8 @@ Message = tuple[str, Any]
 def serve_builds(parent: Channel, ref: str) -> None:
     """Prepare a generator once, then build the mesh of each (params, detail) that the parent sends."""
     try:
+        # The parent has loaded it too.
+        allow_code(ref)
         generator = load_generator(ref)
         if ref.endswith(".py"):
             _show_prints()

@@ -46,7 +46,8 @@ class BuildError(RuntimeError):
         if self.params is None:
             return ""
         file = json.dumps({"generator": self.generator, "params": self.params}, default=str)
-        return f"`dipcg edit` builds it again from a file with: {file}"
+        allow = f" with --allow-code {self.generator}" if self.generator.endswith(".py") else ""
+        return f"`dipcg edit`{allow} builds it again from a file with: {file}"
 
 
 def _program(blender: str) -> list[str]:
