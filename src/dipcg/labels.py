@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
-from dipcg.space import Choice, Parameter
+from collections.abc import Mapping
+from dataclasses import replace
+
+from dipcg.space import Choice, Parameter, ParameterSpace
+
+
+def labelled(space: ParameterSpace, labels: Mapping[str, str]) -> ParameterSpace:
+    """The space with other labels for some parameters, by their names; raises ValueError for an unknown name."""
+    for name in labels:
+        space.find(name)
+    return ParameterSpace(*(replace(p, label=labels.get(p.name, p.label)) for p in space)) if labels else space
 
 
 def label(parameter: Parameter) -> str:

@@ -35,6 +35,7 @@ from jaxtyping import Float, Int64
 from dipcg import registry
 from dipcg.blender.declaration import read_declaration
 from dipcg.camera import ViewGrid, ViewRange
+from dipcg.labels import labelled
 from dipcg.mesh import Mesh, make_mesh, simplify
 from dipcg.space import ParameterSpace, Params
 
@@ -117,7 +118,8 @@ def load_generator(ref: str) -> Generator:
         )
     optional = {key: getattr(module, key) for key in _OPTIONAL if hasattr(module, key)}
     doc = (module.__doc__ or "").strip()
-    return Generator(Path(ref).stem if is_path else ref, ref, doc, module.space, module.build, **optional)
+    space = labelled(module.space, getattr(module, "labels", {}))
+    return Generator(Path(ref).stem if is_path else ref, ref, doc, space, module.build, **optional)
 
 
 def as_mesh(built: Any) -> Mesh:

@@ -46,7 +46,7 @@ space = ParameterSpace(
     Real("depth", 0.1, 0.6, unit="m", doc="along x, the side with the handles", group="frame"),
     Real("width", 0.1, 0.7, unit="m", doc="along y", group="frame"),
     Real("height", 0.05, 0.4, unit="m", doc="along z", group="frame"),
-    Choice("frame_sub_level", (0, 3), doc="0: a sharp box, 3: a rounded one", group="frame"),
+    Choice("frame_sub_level", (0, 3), doc="of the basket", group="frame", labels=("sharp box", "rounded box")),
     Real("thickness", 0.001, 0.03, unit="m", doc="of two walls; of the bottom, a quarter", group="frame"),
     Choice("has_handle", _OFF_ON, doc="openings to grip in two opposite walls", group="handle"),
     Choice("handle_sub_level", (0, 1, 2), doc="how round the openings are", group="handle", when=_HANDLE),
@@ -58,6 +58,12 @@ space = ParameterSpace(
     Real("hole_edge_gap", 0.04, 0.1, unit="m", doc="edges without holes, both together", group="holes", when=_HOLES),
     Real("hole_size", 0.007, 0.02, unit="m", doc="side of a hole", group="holes", when=_HOLES),
 )
+# What people read for the names of Infinigen.
+labels = {
+    "frame_sub_level": "shape", "has_handle": "openings to grip", "handle_sub_level": "roundness",
+    "handle_depth": "length", "handle_dist_to_top": "distance from the top", "has_holes": "holes in the walls",
+    "hole_gap_size": "gap between holes", "hole_edge_gap": "edges without holes", "hole_size": "size of a hole",
+}  # fmt: skip
 # Half a turn shows all sides, because a basket turned by 180° is the same basket.
 views = ViewRange(azimuth_deg=(-90, 90), elevation_deg=(0, 60))
 _QUARTER_TURN = ViewRange(azimuth_deg=(-45, 45), elevation_deg=(0, 60))

@@ -45,6 +45,8 @@ _FLAT_ARM = {"has_arm": (True,), "is_leg_round": (False,)}
 _X_BAR, _Y_BAR = {"has_leg_x_bar": (True,)}, {"has_leg_y_bar": (True,)}
 _PARTIAL = {"back_type": ("partial",)}
 _SLATS = {"back_type": ("horizontal-bar",)}
+_THREE_SLATS = _SLATS | {"back_profile_horizontal_ncuts": (3, 4)}
+_FOUR_SLATS = _SLATS | {"back_profile_horizontal_ncuts": (4,)}
 _SPINDLES = {"back_type": ("vertical-bar",)}
 _OFF_ON = (False, True)
 
@@ -78,15 +80,7 @@ space = ParameterSpace(
     Real("leg_y_offset1", 0.0, 0.2, unit="of depth", doc="front feet forwards", group="leg", when=_SLANTED),
     Choice("has_arm", _OFF_ON, doc="has arms", group="arm"),
     Real("arm_thickness", 0.02, 0.07, unit="m", doc="of the arms", group="arm", when=_ARM),
-    Real(
-        "arm_height",
-        0.6,
-        1.0,
-        unit="of arm thickness",
-        doc="upright thickness of flat arms",
-        group="arm",
-        when=_FLAT_ARM,
-    ),
+    Real("arm_height", 0.6, 1.0, unit="of arm thickness", doc="of flat arms", group="arm", when=_FLAT_ARM),
     Real("arm_y", 0.5, 1.0, unit="of depth", doc="where arms meet the seat", group="arm", when=_ARM),
     Real("arm_z", 0.25, 0.6, unit="of back height", doc="where arms meet the back", group="arm", when=_ARM),
     Real("arm_mid0", -0.03, 0.03, unit="m", doc="bend of the arms, along x", group="arm", when=_ARM),
@@ -131,14 +125,7 @@ space = ParameterSpace(
             group="back",
             when=when,
         )
-        for i, when in enumerate(
-            (
-                _SLATS,
-                _SLATS,
-                _SLATS | {"back_profile_horizontal_ncuts": (3, 4)},
-                _SLATS | {"back_profile_horizontal_ncuts": (4,)},
-            )
-        )
+        for i, when in enumerate((_SLATS, _SLATS, _THREE_SLATS, _FOUR_SLATS))
     ),
     Real(
         "back_profile_horizontal_ratio", 0.2, 0.8, unit="of slat", doc="gap below each slat", group="back", when=_SLATS
@@ -162,6 +149,25 @@ space = ParameterSpace(
         when=_SPINDLES,
     ),
 )
+# What people read for the names of Infinigen.
+labels = {
+    "size": "depth", "bevel_width": "roundness of edges", "seat_back": "width at the back",
+    "seat_mid": "bend of the side", "seat_mid_z": "rise of the side", "seat_front": "bulge of the front",
+    "is_seat_round": "rounded front corners", "is_seat_subsurf": "softened outline",
+    "limb_profile": "strength of the curve", "is_leg_round": "square legs, round arms", "leg_type": "shape",
+    "has_leg_x_bar": "bars from left to right", "has_leg_y_bar": "bars from front to back",
+    "leg_offset_bar0": "place of front to back bars", "leg_offset_bar1": "place of left to right bars",
+    "leg_x_offset": "feet outwards", "leg_y_offset0": "back feet backwards", "leg_y_offset1": "front feet forwards",
+    "has_arm": "arms", "arm_y": "place on the seat", "arm_z": "place on the back", "arm_mid0": "bend sideways",
+    "arm_mid1": "bend forwards", "arm_mid2": "bend upwards", "arm_profile0": "curve before the bend",
+    "arm_profile1": "curve after the bend", "back_type": "filling", "back_vertical_cuts": "upright bars",
+    "back_partial_scale": "panel backwards", "back_x_offset": "top inwards", "back_y_offset": "top backwards",
+    "back_profile_partial": "lower edge of the panel", "back_profile_horizontal_ncuts": "slats",
+    "back_profile_horizontal_locs0": "height of slat 1", "back_profile_horizontal_locs1": "height of slat 2",
+    "back_profile_horizontal_locs2": "height of slat 3", "back_profile_horizontal_locs3": "height of slat 4",
+    "back_profile_horizontal_ratio": "gap below a slat", "back_profile_horizontal_lowest": "start of the slats",
+    "back_profile_vertical": "lower edge of the rail",
+}  # fmt: skip
 views = ViewRange(azimuth_deg=(-180, 180), elevation_deg=(-5, 50))
 needs = ("infinigen", "bpy")
 # Blender becomes slower with each build of a chair.

@@ -49,7 +49,13 @@ from dipcg.space import Choice, ParameterSpace, Params, Real
 _SPARSE = {"flower_mode": ("sparse_flower",)}
 
 space = ParameterSpace(
-    Choice("flower_mode", ("full_flower", "no_flower", "sparse_flower"), doc="amount of seeds", group="seed"),
+    Choice(
+        "flower_mode",
+        ("full_flower", "no_flower", "sparse_flower"),
+        doc="amount of seeds",
+        group="seed",
+        labels=("full", "none", "sparse"),
+    ),
     Real("random_dropout", 0.2, 0.6, unit="share", doc="seeds that are present", group="seed", when=_SPARSE),
     Real("row_less_than", 0.0, 1.0, unit="of rings", doc="highest missing row", group="seed", when=_SPARSE),
     Real("col_less_than", 0.0, 1.0, unit="of segments", doc="highest missing column", group="seed", when=_SPARSE),
@@ -65,6 +71,16 @@ space = ParameterSpace(
     Real("stem_map_range", 0.1, 0.6, unit="of stem_radius", doc="radius at the head; 0.4 at the foot", group="stem"),
     Real("stem_radius", 0.01, 0.03, unit="m", doc="of the stem", group="stem"),
 )
+# What people read for the names of Infinigen.
+labels = {
+    "flower_mode": "amount", "random_dropout": "seeds present", "row_less_than": "highest missing row",
+    "col_less_than": "highest missing column", "row_great_than": "lowest missing row",
+    "col_great_than": "lowest missing column", "bezier_middle_x": "middle, left to right",
+    "bezier_middle_y": "middle, front to back", "bezier_end_x": "end, left to right",
+    "bezier_end_y": "end, front to back", "flower_num_core_segments": "columns of seeds",
+    "flower_num_core_rings": "rows of seeds", "transform_scale": "size of the head",
+    "stem_map_range": "thickness at the head", "stem_radius": "thickness",
+}  # fmt: skip
 # A turned stem is a stem with other parameters, so the range is narrow; the paper has the azimuth and the elevation 0.
 views = ViewRange(azimuth_deg=(-30, 30), elevation_deg=(-15, 40))
 mirrors = None

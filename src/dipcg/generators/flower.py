@@ -59,6 +59,12 @@ space = ParameterSpace(
     Real("wrinkle", 0.003, 0.02, unit="m", doc="depth of the wrinkles", group="petal"),
     Real("curl", -120, 120, unit="°", doc="how far petals bend", group="petal"),
 )
+# What people read for the names of Infinigen.
+labels = {
+    "overall_rad": "radius", "pct_inner": "radius", "base_width": "width at the base",
+    "top_width": "width at the tip", "min_angle": "angle of the first petals",
+    "max_angle": "angle of the last petals", "seed_size": "size of the seeds", "wrinkle": "wrinkles",
+}  # fmt: skip
 # A flower that is turned by one radian looks the same, because the next petal takes the place of each.
 views = ViewRange(azimuth_deg=(-30, 30), elevation_deg=(5, 75))
 mirrors = {"min_angle": "max_angle", "max_angle": "min_angle"}

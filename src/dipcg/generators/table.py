@@ -52,13 +52,13 @@ _CURVED = {"leg_style": ("single-stand", "straight")}
 _APART = {"leg_style": ("square", "straight")}
 
 space = ParameterSpace(
-    Choice("ngon", (4, 36), doc="corners of the top: a rectangle or round", group="top"),
+    Choice("ngon", (4, 36), doc="of the top", group="top", labels=("rectangle", "round")),
     Real("dimension_x", 0.9, 2.2, unit="m", doc="of the top; of a round one, the rectangle in it", group="top"),
     Real("dimension_y", 0.9, 2.2, unit="m", doc="of the top; of a round one, the rectangle in it", group="top"),
     Real("dimension_z", 0.5, 0.9, unit="m", doc="height, if leg_height is 1", group="leg"),
     Choice("leg_style", ("single-stand", "square", "straight"), doc="stands, two frames or four legs", group="leg"),
     Choice("leg_number", (1, 2, 4), doc="number of stands", group="leg", when=_STANDS),
-    Choice("leg_ngon", (4, 12), doc="corners of a straight leg", group="leg", when=_STRAIGHT),
+    Choice("leg_ngon", (4, 12), doc="of a leg", group="leg", when=_STRAIGHT, labels=("square", "round")),
     Real("leg_diameter", 0.0, 1.0, unit="share", doc="0.05 to 0.25 m; of a stand, 0.2 to 0.4 of x", group="leg"),
     Real("leg_height", 0.6, 2.0, unit="×", doc="length of the legs below the top", group="leg"),
     Real("leg_curve_ctrl_pts0", 0.0, 1.0, unit="share", doc="width of a stand at the top", group="leg", when=_STANDS),
@@ -97,11 +97,22 @@ space = ParameterSpace(
     Choice(
         "strecher_increament",
         (0, 1, 2),
-        doc="stretchers: none, around, across; 1 and 2 close square frames",
+        doc="1 and 2 close square frames",
         group="stretcher",
         when=_APART,
+        labels=("none", "around", "across"),
     ),
 )
+# What people read for the names of Infinigen.
+labels = {
+    "ngon": "shape", "dimension_x": "width", "dimension_y": "depth", "dimension_z": "height", "leg_style": "style",
+    "leg_number": "stands", "leg_ngon": "cross-section", "leg_height": "length",
+    "leg_curve_ctrl_pts0": "width at the top", "leg_curve_ctrl_pts1": "width in the middle",
+    "leg_curve_ctrl_pts2": "width at the bottom", "top_scale": "distance apart",
+    "bottom_scale": "distance of the feet", "top_profile_fillet_ratio": "roundness of corners",
+    "top_vertical_fillet_ratio": "bulge of the edge", "strecher_relative_pos": "place",
+    "strecher_increament": "stretchers",
+}  # fmt: skip
 # A table that is turned by 90° can look like another one with x and y exchanged. Views from a quarter turn show only
 # one of the two.
 views = ViewRange(azimuth_deg=(-45, 45), elevation_deg=(-5, 55))

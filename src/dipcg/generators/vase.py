@@ -56,6 +56,14 @@ space = ParameterSpace(
     Real("foot_scale", 0.2, 0.8, unit="of body", doc="width of the foot", group="foot"),
     Real("foot_height", 0.01, 0.1, unit="of height", doc="height of the foot", group="foot"),
 )
+# What people read for the names of Infinigen.
+labels = {
+    "dimension_x": "radius", "dimension_z": "height", "neck_scale": "width",
+    "profile_inner_radius": "depth of the flutes", "profile_star_points": "flutes", "top_scale": "width of the mouth",
+    "neck_mid_position": "middle of the flare", "neck_position": "rise",
+    "shoulder_position": "height of the widest place", "shoulder_thickness": "height of the belly",
+    "foot_scale": "width",
+}  # fmt: skip
 views = ViewRange(azimuth_deg=(-45, 45), elevation_deg=(-5, 50))
 needs = ("infinigen", "bpy")
 
