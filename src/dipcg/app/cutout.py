@@ -11,7 +11,8 @@ from jaxtyping import UInt8
 from dipcg.app.models import Corrections, Crop, Stroke
 from dipcg.images import Cutout, ImageError, Source, cut_by_colour, cut_out
 
-RGBA = UInt8[np.ndarray, "h w 4"]
+RGBA = UInt8[np.ndarray, "_ _ 4"]
+Marks = UInt8[np.ndarray, "_ _"]
 
 # The most that may be cut away of a side, at both ends together.
 MOST_CROPPED = 0.95
@@ -22,6 +23,8 @@ SENTENCES = {
 }
 # The mask of a cut-out says what is hidden and what is the object, as GrabCut names them.
 HIDDEN, OBJECT = 0, 1
+# Where no stroke is.
+UNMARKED = 255
 
 
 def cut(image: RGBA | Cutout, wanted: Corrections, mask: RGBA | None = None) -> Cutout:
@@ -38,7 +41,9 @@ def cut(image: RGBA | Cutout, wanted: Corrections, mask: RGBA | None = None) -> 
         return found
     # The colours under what was cut away are still needed.
     whole = cropped(pixels, wanted.crop)
-    return replace(found, image=_with_strokes(whole, found.image, strokes))
+    # Strokes lie on all of the picture, as a mask does.
+    marks = _marks(pixels.shape[:2], strokes)[_left(pixels.shape[:2], wanted.crop)]
+    return replace(found, image=_with_strokes(whole, found.image, marks))
 
 
 def cropped(image: RGBA, crop: Crop) -> RGBA:
@@ -48,10 +53,14 @@ def cropped(image: RGBA, crop: Crop) -> RGBA:
             f"The crop leaves too little: left and right, and top and bottom, may take {100 * MOST_CROPPED:.0f} % "
             f"together, got {100 * (crop.left + crop.right):.0f} % and {100 * (crop.top + crop.bottom):.0f} %."
         )
-    height, width = image.shape[:2]
-    # At least a pixel stays, since int() rounds down.
+    return image[_left(image.shape[:2], crop)]
+
+
+def _left(shape: tuple[int, ...], crop: Crop) -> tuple[slice, slice]:
+    """The rows and columns that a crop leaves: at least one of each, since int() rounds down."""
+    height, width = shape
     down = slice(int(crop.top * height), height - int(crop.bottom * height))
-    return image[down, int(crop.left * width) : width - int(crop.right * width)]
+    return down, slice(int(crop.left * width), width - int(crop.right * width))
 
 
 def _cut_by(wanted: Corrections, image: RGBA, mask: RGBA | None) -> Cutout:
@@ -80,18 +89,14 @@ def _marked_as_cut(image: RGBA) -> RGBA:
     return np.pad(image, ((len(image) // 4 + 1,) * 2, (image.shape[1] // 4 + 1,) * 2, (0, 0)))
 
 
-def _with_strokes(whole: RGBA, found: RGBA, strokes: Sequence[tuple[Sequence[Stroke], int]]) -> RGBA:
+def _with_strokes(whole: RGBA, found: RGBA, marks: Marks) -> RGBA:
     """The cut-out grown and shrunk to what the strokes say (GrabCut, Rother et al. 2004)."""
     import cv2
 
     height, width = whole.shape[:2]
     alpha = np.asarray(cv2.resize(found[..., 3], (width, height)), np.uint8)
-    marks = np.full((height, width), 255, np.uint8)
-    for drawn, value in strokes:
-        for stroke in drawn:
-            _draw(marks, stroke, value)
     guess = np.where(alpha > 127, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
-    mask = np.where(marks == 255, guess, marks).astype(np.uint8)
+    mask = np.where(marks == UNMARKED, guess, marks).astype(np.uint8)
     if (mask % 2 == 0).any() and (mask % 2 == 1).any():
         colours, models = np.ascontiguousarray(whole[..., 2::-1]), (np.zeros((1, 65)), np.zeros((1, 65)))
         cv2.grabCut(colours, mask, (0, 0, 1, 1), *models, 3, cv2.GC_INIT_WITH_MASK)
@@ -101,7 +106,15 @@ def _with_strokes(whole: RGBA, found: RGBA, strokes: Sequence[tuple[Sequence[Str
     return np.dstack([whole[..., :3], kept])
 
 
-def _draw(marks: UInt8[np.ndarray, "h w"], stroke: Stroke, value: int) -> None:
+def _marks(shape: tuple[int, ...], strokes: Sequence[tuple[Sequence[Stroke], int]]) -> Marks:
+    marks = np.full(shape, UNMARKED, np.uint8)
+    for drawn, value in strokes:
+        for stroke in drawn:
+            _draw(marks, stroke, value)
+    return marks
+
+
+def _draw(marks: Marks, stroke: Stroke, value: int) -> None:
     import cv2
 
     height, width = marks.shape
