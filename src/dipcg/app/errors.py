@@ -6,8 +6,9 @@ from typing import Any
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse
+from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 
 from dipcg.app.jobs import Busy, sentence
 from dipcg.workers.process import BuildError
@@ -24,6 +25,7 @@ def add_error_handlers(app: FastAPI) -> None:
     """Let an application answer errors in one sentence each."""
     app.add_exception_handler(HTTPException, _of_http)
     app.add_exception_handler(RequestValidationError, _of_validation)
+    app.add_exception_handler(ClientDisconnect, _of_nobody)
     app.add_exception_handler(ValueError, _of(422))
     app.add_exception_handler(BuildError, _of(422))
     app.add_exception_handler(Busy, _of(503))
@@ -39,6 +41,11 @@ def _of(status: int) -> Any:
         return _answer(status, sentence(error))
 
     return handle
+
+
+async def _of_nobody(_: Request, error: Exception) -> Response:
+    """The client is gone, and nobody reads this."""
+    return Response(status_code=400)
 
 
 async def _of_http(_: Request, error: Any) -> JSONResponse:

@@ -9,21 +9,23 @@ A job passes through these stages, and waits for another visitor's build in none
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+from dipcg.app.building import Builds, Outcome
 from dipcg.app.jobs import Job, guarded
 from dipcg.app.pictures import Pictures
 from dipcg.app.results import Judged, as_answer, judge
 from dipcg.app.studio import Studio
 from dipcg.images import Cutout
 from dipcg.inference.estimate import Options, Result, describe, look, look_at_many
-from dipcg.mesh import Mesh
+from dipcg.pipeline import Candidate
 from dipcg.workers.process import BuildError
 
 # Pictures in one pass of the network.
@@ -126,7 +128,7 @@ class Estimating:
             results = [None] * len(many)
         for asked, result in zip(many, results, strict=True):
             if result is None:
-                self._judging.submit(guarded, asked.job, partial(self._look_alone, asked))
+                self._judge_later(asked, partial(self._look_alone, asked))
             else:
                 guarded(asked.job, partial(self._looked, asked, result))
 
@@ -142,15 +144,20 @@ class Estimating:
         first = replace(result, estimate=replace(result.estimate, candidates=candidates[:FIRST]))
         self._build(first, SOON, partial(self._compare_first, asked, first, candidates[FIRST:]), asked)
 
-    def _build(self, result: Result, priority: int, then: Callable[[list[Any]], None], asked: Asked) -> None:
+    def _build(self, result: Result, priority: int, then: Callable[[list[Outcome]], None], asked: Asked) -> None:
         """Build the candidates without a mesh, and let a thread go on with the meshes, or the errors, of all."""
-        waiting = [c for c in result.estimate.candidates if c.mesh is None]
-        name = result.estimate.generator
-        builds = [self._studio.submit(name, c.params, "light", priority) for c in waiting]
-        asked.job.watch(builds)
-        when_all_done(builds, lambda: self._judging.submit(guarded, asked.job, partial(then, _outcomes(builds))))
+        name, waiting = result.estimate.generator, [c.params for c in result.estimate.candidates if c.mesh is None]
+        submit = partial(self._studio.submit, name, detail="light", priority=priority)
+        builds = Builds(submit, waiting, lambda built: self._judge_later(asked, partial(then, built)))
+        asked.job.watch(builds.cancel)
+        builds.start()
 
-    def _compare_first(self, asked: Asked, result: Result, others: list[Any], built: list[Any]) -> None:
+    def _judge_later(self, asked: Asked, work: Callable[[], None]) -> None:
+        # Builds may end after this is closed.
+        with contextlib.suppress(RuntimeError):
+            self._judging.submit(guarded, asked.job, work)
+
+    def _compare_first(self, asked: Asked, result: Result, others: list[Candidate], built: list[Outcome]) -> None:
         found = judge(result, built, self._studio, asked.thumbnails)
         if not others:
             return self._finish(asked, found)
@@ -161,42 +168,10 @@ class Estimating:
         rest = replace(found.result, estimate=replace(found.result.estimate, candidates=every))
         self._build(rest, LATER, partial(self._compare_rest, asked, rest), asked)
 
-    def _compare_rest(self, asked: Asked, result: Result, built: list[Any]) -> None:
+    def _compare_rest(self, asked: Asked, result: Result, built: list[Outcome]) -> None:
         self._finish(asked, judge(result, built, self._studio, asked.thumbnails))
 
     def _finish(self, asked: Asked, found: Judged) -> None:
         if not found.result.estimate.candidates:
             raise BuildError("raised", NONE_BUILT)
         asked.job.finish(as_answer(found.result, asked.picture, found.thumbnails))
-
-
-def when_all_done(futures: Sequence[Future[Any]], then: Callable[[], object]) -> None:
-    """Call a function once, when the last of some futures is done."""
-    left, lock = len(futures), threading.Lock()
-
-    def one_done(_: object) -> None:
-        nonlocal left
-        with lock:
-            left -= 1
-            last = left == 0
-        if last:
-            then()
-
-    for future in futures:
-        future.add_done_callback(one_done)
-    if not futures:
-        then()
-
-
-def _outcomes(builds: Sequence[Future[Mesh]]) -> list[Mesh | BuildError]:
-    """The mesh of each build, or the error in its place."""
-    return [_outcome(build) for build in builds]
-
-
-def _outcome(build: Future[Mesh]) -> Mesh | BuildError:
-    if build.cancelled():
-        return BuildError("raised", "The build was cancelled.")
-    error = build.exception()
-    if error is None:
-        return build.result()
-    return error if isinstance(error, BuildError) else BuildError("raised", str(error))

@@ -8,9 +8,14 @@ from collections.abc import Awaitable, Callable, Collection, MutableMapping
 from typing import Any
 from urllib.parse import urlsplit
 
+from dipcg.app.limits import MOST_DRAINED_BYTES, MOST_JSON_BYTES, MOST_PICTURE_BYTES
+
 Message = MutableMapping[str, Any]
 Application = Callable[[Message, Callable[..., Any], Callable[..., Any]], Awaitable[None]]
 Refusal = tuple[int, str]
+
+# The only address that takes long bodies.
+UPLOAD = "/api/v1/pictures"
 
 # The page runs its own scripts alone, loads nothing from elsewhere, and is shown in no frame.
 POLICY = "; ".join(
@@ -63,6 +68,8 @@ class Guard:
         refusal = self._refusal(scope)
         if refusal is None:
             return await self.app(scope, receive, send_with_headers)
+        if refusal[0] == 413:
+            await _drain(scope, receive)
         await refuse(send_with_headers, *refusal)
 
     def _refusal(self, scope: Message) -> Refusal | None:
@@ -72,7 +79,7 @@ class Guard:
             return 421, "This server does not answer to this host name; start it with --allow-host for the name."
         if origin is not None and not self._is_own_origin(origin, host):
             return 403, "Requests from other websites are refused."
-        return body_refusal(headers)
+        return body_refusal(headers) or length_refusal(headers, most_bytes(scope["method"], scope["path"]))
 
     def _is_allowed_host(self, name: str) -> bool:
         return name == "localhost" or name in self.hosts or is_address(name)
@@ -92,6 +99,18 @@ def body_refusal(headers: MutableMapping[str, str]) -> Refusal | None:
     return None
 
 
+def most_bytes(method: str, path: str) -> int:
+    """The longest body of a request."""
+    return MOST_PICTURE_BYTES if (method, path) == ("POST", UPLOAD) else MOST_JSON_BYTES
+
+
+def length_refusal(headers: MutableMapping[str, str], most: int) -> Refusal | None:
+    """What is wrong with the stated length of a body, which h11 takes for its end."""
+    if int(headers.get("content-length", "0")) <= most:
+        return None
+    return 413, f"The request is too large: at most {most / 2**20:.2g} MB are read here."
+
+
 def hostname(url: str) -> str:
     """The host of a URL in small letters; empty for none."""
     try:
@@ -106,6 +125,16 @@ def is_address(name: str) -> bool:
         return bool(ipaddress.ip_address(name))
     except ValueError:
         return False
+
+
+async def _drain(scope: Message, receive: Callable[..., Any]) -> None:
+    """Read a body and forget it, if it is not very long: a client that is still sending does not see an answer."""
+    left = int(dict(scope["headers"])[b"content-length"])
+    while 0 < left <= MOST_DRAINED_BYTES:
+        message = await receive()
+        left -= len(message.get("body", b""))
+        if not message.get("more_body", False):
+            return
 
 
 async def refuse(send: Callable[..., Any], status: int, sentence: str) -> None:

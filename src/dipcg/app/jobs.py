@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import secrets
 from collections.abc import Callable
-from concurrent.futures import Future
 from threading import RLock
 from typing import Any, Literal
 
@@ -35,7 +34,7 @@ class Job:
         self.share, self.note, self.version = 0.0, "", 0
         self.result: dict[str, Any] | None = None
         self.error: str | None = None
-        self._builds: list[Future[Any]] = []
+        self._stop: Callable[[], object] = lambda: None
         self._lock = RLock()
 
     @property
@@ -59,12 +58,11 @@ class Job:
     def cancel(self) -> None:
         """Stop it; builds that wait are not built."""
         self._change(state="cancelled", note="")
-        for build in self._builds:
-            build.cancel()
+        self._stop()
 
-    def watch(self, builds: list[Future[Any]]) -> None:
-        """The builds that go with this job."""
-        self._builds = builds
+    def watch(self, stop: Callable[[], object]) -> None:
+        """What stops the work for this job when it is cancelled."""
+        self._stop = stop
         if self.is_over:
             self.cancel()
 

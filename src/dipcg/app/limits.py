@@ -5,6 +5,8 @@ from __future__ import annotations
 # Requests. A picture is read from a stream; every other body is JSON.
 MOST_PICTURE_BYTES = 25 * 2**20
 MOST_JSON_BYTES = 2**18
+# A longer body is read and forgotten, so that its client sees the error; a body of more than this is not read.
+MOST_DRAINED_BYTES = 100 * 2**20
 # Seconds in which the headers of a request must come, and the slowest upload after that.
 HEADERS_S, BODY_S, BODY_BYTES_PER_S = 10.0, 20.0, 100_000
 # Seconds after which a client that reads no answer is given up.
@@ -18,8 +20,8 @@ MOST_UPLOADING_BYTES = 20 * MOST_PICTURE_BYTES
 MOST_CANDIDATES, MOST_LETTERS, MOST_TEXTURE, MOST_FACES = 32, 500, 2048, 2_000_000
 # Jobs that wait or run, and previews that are being built, above which a request is turned away.
 MOST_JOBS, MOST_PREVIEWS = 100, 50
-# Seconds after which a build is stopped.
-BUILD_S = 30.0
+# Seconds after which a build is stopped, and after which it keeps no others waiting.
+BUILD_S, PATIENCE_S = 30.0, 2.0
 
 # What stays here: seconds since it was last used, bytes in all, and bytes of one address.
 KEPT_S = 3600.0

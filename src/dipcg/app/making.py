@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -48,9 +49,9 @@ class Making:
         request, job = ordered.request, ordered.job
         build = self._studio.submit(request.generator, request.params, request.detail)
         job.report(0.1, "Building")
-        job.watch([build])
+        job.watch(build.cancel)
         threads = self._blender if request.texture or request.format == BLEND else self._writing
-        build.add_done_callback(lambda build: threads.submit(guarded, job, partial(self._write, ordered, build)))
+        build.add_done_callback(lambda build: self._write_later(threads, ordered, build))
 
     def file(self, name: str) -> Path:
         """A finished file; raises LookupError with a sentence."""
@@ -72,6 +73,11 @@ class Making:
         """Stop after what is being written."""
         for threads in (self._writing, self._blender):
             threads.shutdown(cancel_futures=True)
+
+    def _write_later(self, threads: ThreadPoolExecutor, ordered: Ordered, build: Future[Mesh]) -> None:
+        # Builds may end after this is closed.
+        with contextlib.suppress(RuntimeError):
+            threads.submit(guarded, ordered.job, partial(self._write, ordered, build))
 
     def _write(self, ordered: Ordered, build: Future[Mesh]) -> None:
         request, job = ordered.request, ordered.job

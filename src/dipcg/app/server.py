@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import signal
+import sys
 import tempfile
 import webbrowser
 from collections.abc import AsyncIterator, Collection, Iterator, Sequence
@@ -35,11 +37,14 @@ def serve(
 ) -> None:
     """Serve until Ctrl-C or SIGTERM; files of visitors live in a folder that is deleted at the end."""
     address = f"http://{host}:{port}"
+    # uvicorn ends with the signal that stopped it, which without this would end the process before it has cleaned up.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     with temporary_folder() as folder, Studio(names, workers) as studio:
         print(f"The page is at {address}, the API's description at {address}/docs; Ctrl-C stops the server.")
         if browser:
             webbrowser.open(address)
-        uvicorn.run(**settings(make_app(studio, folder, {host, *allow_hosts}), host, port))
+        with contextlib.suppress(KeyboardInterrupt):
+            uvicorn.run(**settings(make_app(studio, folder, {host, *allow_hosts}), host, port))
 
 
 @contextlib.contextmanager

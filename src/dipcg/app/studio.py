@@ -9,7 +9,7 @@ from concurrent.futures import Future
 from importlib.util import find_spec
 from typing import Any
 
-from dipcg.app.limits import BUILD_S
+from dipcg.app.limits import BUILD_S, PATIENCE_S
 from dipcg.generators import Detail, Generator
 from dipcg.inference.inverters import Inverters, recognisable
 from dipcg.mesh import Mesh
@@ -41,6 +41,7 @@ class Studio:
         self._lock = threading.Lock()
         for inverter in self.inverters.values():
             inverter.pool.timeout_s = BUILD_S
+            inverter.pool.share(PATIENCE_S)
             inverter.pool.warm()
 
     @property

@@ -18,6 +18,8 @@ SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".gif", ".bmp", ".tif", ".tiff", "
 MAX_PIXELS = 64_000_000
 # Decoders of these hold a picture several times while they unpack it.
 MAX_PIXELS_OF = {"WEBP": 20_000_000, "AVIF": 32_000_000, "HEIF": 50_000_000}
+# All of a progressive JPEG is held until its last pass.
+MAX_PIXELS_PROGRESSIVE = 40_000_000
 MIN_SIDE = 16
 
 
@@ -47,6 +49,8 @@ def open_picture(data: bytes, name: str) -> Image.Image:
 def check_size(picture: Image.Image, name: str) -> None:
     """Raise ImageError for too many pixels or too few."""
     (width, height), limit = picture.size, MAX_PIXELS_OF.get(picture.format or "", MAX_PIXELS)
+    if "progressive" in picture.info:
+        limit = MAX_PIXELS_PROGRESSIVE
     if width * height > limit:
         raise ImageError(f"{name} has {width} × {height} pixels; at most {limit / 1e6:.0f} million are read.")
     if min(width, height) < MIN_SIDE:

@@ -10,6 +10,7 @@ import time
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future
+from functools import partial
 from typing import NamedTuple
 
 from dipcg.generators import Detail, Generator, load_generator
@@ -20,6 +21,7 @@ from dipcg.workers.turns import Turns
 
 # Builds per worker that `timed` keeps waiting or done, so that no worker idles.
 AHEAD = 4
+STOPPED = "The build took too long while others waited, and was stopped."
 
 
 class Built(NamedTuple):
@@ -34,8 +36,7 @@ class Built(NamedTuple):
 class BuildPool:
     """`workers` child processes that build meshes of one generator; use it as a context manager.
 
-    A build that takes longer than `timeout_s` fails, and the others go on; while one is slow, another process builds
-    beside it. Processes start at their first use.
+    A build that takes longer than `timeout_s` fails, and the others go on. Processes start at their first use.
     Raises LookupError for an unknown generator and ModuleNotFoundError when a package it needs is not installed.
     """
 
@@ -44,10 +45,18 @@ class BuildPool:
         self.generator.check_installed()
         self.timeout_s = timeout_s
         self._children: set[Child] = set()
+        self._given_up: set[Child] = set()
         # Children without work. The last that worked is used first, so that no more run than are needed.
         self._idle: list[Child] = []
         self._turns = Turns(workers)
         self._workers = workers
+
+    def share(self, patience_s: float) -> None:
+        """Let builds that take longer than this keep no others waiting; call it before the first build.
+
+        Another process builds beside a slow one, and where too many are slow the slowest is stopped.
+        """
+        self._turns.patience_s = patience_s
 
     def build(self, params: Params, detail: Detail = "full") -> Mesh:
         """Build one mesh; raises BuildError with a sentence."""
@@ -108,15 +117,17 @@ class BuildPool:
         child = self._idle_child()
         try:
             child.start()
-            self._turns.begin()
+            self._turns.begin(partial(self._give_up, child))
             started = time.perf_counter()
             mesh = child.request((params, detail), self.timeout_s)
             seconds = time.perf_counter() - started
             if not isinstance(mesh, Mesh):
                 raise BuildError("crashed", NO_MESSAGE)
         except BuildError as error:
-            self._put_back(child, error.reason in ("raised", "unusable"))
-            raise BuildError(error.reason, str(error), params, self.generator.ref) from None
+            given_up = child in self._given_up
+            reason, words = ("timeout", STOPPED) if given_up else (error.reason, str(error))
+            self._put_back(child, reason in ("raised", "unusable"))
+            raise BuildError(reason, words, params, self.generator.ref) from None
         self._put_back(child, child.builds < self.generator.recycle_after)
         return mesh, seconds
 
@@ -138,9 +149,14 @@ class BuildPool:
         else:
             self._discard(child)
 
+    def _give_up(self, child: Child) -> None:
+        self._given_up.add(child)
+        child.kill()
+
     def _discard(self, child: Child) -> None:
         child.stop()
         self._children.discard(child)
+        self._given_up.discard(child)
 
 
 def _outcome(params: Params, future: Future[tuple[Mesh, float]]) -> Built:

@@ -96,6 +96,10 @@ class Child:
         self.builds += 1
         return self._receive(timeout_s, "timeout", progress)
 
+    def kill(self) -> None:
+        """Kill the process and all that it has started, from any thread; who waits for a result gets a BuildError."""
+        _kill_with_descendants(self._process.pid)
+
     def stop(self) -> None:
         """Kill the process and all that it has started, and remove its temporary folder."""
         self._guard.kill()
