@@ -12,7 +12,7 @@ import torch
 from disk import full_disk
 
 from dipcg.cli.batch import open_batch
-from dipcg.config import ModelConfig, TrainConfig
+from dipcg.config import ModelConfig
 from dipcg.export.asset import FORMATS
 from dipcg.files import locked, write_file, written
 from dipcg.generators import load_generator
@@ -37,7 +37,7 @@ def checkpoint(path: Path, asset) -> None:
 
 
 def state(path: Path, asset) -> None:
-    save_state(path.parent, {"model": torch.nn.Linear(30, 30)}, {}, {"step": 1}, (ModelConfig(), TrainConfig()))
+    save_state(path.parent, {"model": torch.nn.Linear(30, 30)}, {}, {"step": 1}, {})
 
 
 def page(path: Path, asset) -> None:

@@ -1,10 +1,14 @@
 """A run: killed, interrupted or starved it ends where an undisturbed one does, and it never goes on with nonsense."""
 
+import signal
+import subprocess
+import sys
 from dataclasses import replace
 
 import pytest
 import torch
 
+from dipcg.cli import main
 from dipcg.config import ModelConfig, TrainConfig
 from dipcg.data.store import build_dataset
 from dipcg.generators import load_generator
@@ -107,14 +111,80 @@ def test_a_run_with_other_settings_is_not_continued(data, tmp_path, config, mode
         train(data, tmp_path / "run", replace(CONFIG, **config), replace(TINY, **model))
 
 
-def test_a_loss_that_is_no_number_stops_the_run_and_keeps_the_last_good_state(data, tmp_path, monkeypatch):
+@pytest.mark.parametrize("what", ["loss", "gradient"])
+def test_no_number_stops_the_run_keeps_the_last_good_state_and_lower_rates_go_on(data, tmp_path, monkeypatch, what):
+    out = tmp_path / "run"
+    with pytest.raises(KeyboardInterrupt):
+        train(data, out, CONFIG, TINY, interrupt_after(0))
+    state = (out / "state.safetensors").read_bytes()
+    with monkeypatch.context() as patched:
+        if what == "loss":
+            patched.setattr(Run, "_loss", lambda self, batch: torch.tensor(float("nan"), requires_grad=True))
+        else:
+            patched.setattr(torch.nn.utils, "clip_grad_norm_", lambda *_: torch.tensor(float("inf")))
+        with pytest.raises(TrainingError, match=rf"The {what} is (nan|inf) after \d+ pictures. The last good state is"):
+            train(data, out, CONFIG, TINY)
+    assert (out / "state.safetensors").read_bytes() == state
+    train(data, out, replace(CONFIG, learning_rate=1e-4, matrix_rate=2e-3), TINY)
+    assert load_checkpoint(out)[2]["pictures"] == CONFIG.pictures
+    with pytest.raises(ValueError, match="batch was 16 and is 8"):
+        train(data, out, replace(CONFIG, batch=8), TINY)
+
+
+def test_a_first_step_without_a_number_leaves_nothing_that_stops_the_next_run(data, tmp_path, monkeypatch, capsys):
+    command = ["train", "box", "--data", str(data), "-o", str(tmp_path), "--pictures", "48", "--batch", "16"]
+    with monkeypatch.context() as patched:
+        patched.setattr(Run, "_loss", lambda self, batch: torch.tensor(float("nan"), requires_grad=True))
+        with pytest.raises(SystemExit) as end:
+            main(command)
+    said = capsys.readouterr()
+    assert end.value.code == 1
+    assert "The loss is nan after 0 pictures. Nothing is saved; the same command" in said.err
+    assert "best weights" not in said.out
+    main([*command, "--learning-rate", "1e-4"])
+    assert "Wrote the best weights" in capsys.readouterr().out
+
+
+def test_weights_that_are_no_numbers_are_never_saved(data, tmp_path):
+    box = load_generator("box")
+    run = Run(build_estimator(box.space, TINY), CONFIG, tmp_path / "run", box)
+    with torch.no_grad():
+        next(run.model.parameters()).fill_(float("inf"))
+    run.save()
+    assert not (tmp_path / "run" / "state.safetensors").exists()
+
+
+def test_a_run_on_other_data_is_not_continued(data, tmp_path):
+    build_dataset("box", tmp_path / "other", 40, seed=5)
     with pytest.raises(KeyboardInterrupt):
         train(data, tmp_path / "run", CONFIG, TINY, interrupt_after(0))
-    state = (tmp_path / "run" / "state.safetensors").read_bytes()
-    monkeypatch.setattr(Run, "_loss", lambda self, batch: torch.tensor(float("nan"), requires_grad=True))
-    with pytest.raises(TrainingError, match=r"The loss is nan after \d+ pictures. The last good state is kept"):
-        train(data, tmp_path / "run", CONFIG, TINY)
-    assert (tmp_path / "run" / "state.safetensors").read_bytes() == state
+    with pytest.raises(ValueError, match=r"data\.seed was 0 and is 5"):
+        train(tmp_path / "other", tmp_path / "run", CONFIG, TINY)
+
+
+STOPPED = """
+import sys, threading
+from dipcg.cli import main
+from dipcg.training import train as training
+step = training.Run.learn
+training.Run.learn = lambda self, batch: (step(self, batch), print("step", flush=True))[0]
+main(["train", "box", "--data", sys.argv[1], "-o", sys.argv[2], "--pictures", "10m", "--image-size", "32"])
+"""
+
+
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM], ids=lambda stop: stop.name)
+def test_a_stopped_command_saves_its_state_and_a_second_one_is_refused_meanwhile(data, tmp_path, capsys, stop):
+    command = [sys.executable, "-c", STOPPED, str(data), str(tmp_path)]
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert run.stdout.readline() == "step\n"
+    with pytest.raises(SystemExit):
+        main(["train", "box", "--data", str(data), "-o", str(tmp_path), "--pictures", "10m", "--image-size", "32"])
+    assert f"Another process trains in {tmp_path / 'box'}" in capsys.readouterr().err
+    run.send_signal(stop)
+    said = run.communicate(timeout=60)[1]
+    assert run.returncode == 130, said
+    assert f"The state is saved in {tmp_path / 'box'}" in said
+    assert (tmp_path / "box" / "state.safetensors").is_file()
 
 
 def test_a_limit_of_time_ends_a_run_with_its_last_stage_done(data, tmp_path):

@@ -79,8 +79,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except (ValueError, LookupError, RuntimeError, ImportError, OSError) as error:
         print(error_text(error), file=sys.stderr)
         raise SystemExit(1) from None
-    except KeyboardInterrupt:
-        print("Stopped.", file=sys.stderr)
+    except KeyboardInterrupt as interrupt:
+        print(" ".join(["Stopped.", *map(str, interrupt.args)]), file=sys.stderr)
         raise SystemExit(130) from None
 
 

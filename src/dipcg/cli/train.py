@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import signal
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -39,6 +40,8 @@ def train(
     from dipcg.generators import load_generator
     from dipcg.training.log import Log
     from dipcg.training.recipes import find_recipe
+    from dipcg.training.state import WEIGHTS as STATE
+    from dipcg.training.state import saved
     from dipcg.training.train import train as run
 
     find_recipe(recipe)
@@ -46,13 +49,18 @@ def train(
     if generator != info["generator"] and load_generator(generator).ref != info["ref"]:
         raise ValueError(f"{data} holds shapes of {info['generator']!r}, not of {generator!r}.")
     folder = output / info["generator"]
+    if (folder / STATE).is_file():
+        print(f"{saved(folder)} Training goes on from there.", file=sys.stderr)
     with _ends_as_interrupted(), bar("training", 1000) as update, Log(folder, data) as log:
 
         def report(status: Any) -> None:
             update(int(1000 * status.share), f"loss {status.loss:.3f}, {status.pictures_per_s:.0f} pictures/s")
             log(status)
 
-        run(data, folder, train, model, report)
+        try:
+            run(data, folder, train, model, report)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"{saved(folder)} The same command goes on from there.") from None
     allow = f" {ALLOW} {info['ref']}" if info["ref"].endswith(".py") else ""
     print(f"Wrote the best weights to {folder}. Try: dipcg estimate PICTURE -g {folder} -o out.glb{allow}")
 

@@ -14,6 +14,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from dipcg.config import TrainConfig
+from dipcg.model.estimators import AnyEstimator
 from dipcg.training.device import has_bfloat16
 
 MOMENTUM = 0.95
@@ -72,3 +74,15 @@ def matrices(network: nn.Module) -> list[Tensor]:
     """The weights of a network's linear layers and convolutions that have enough inputs and outputs to be matrices."""
     layers = (module for module in network.modules() if isinstance(module, (nn.Linear, nn.Conv2d)))
     return [layer.weight for layer in layers if min(len(layer.weight), layer.weight[0].numel()) >= LEAST_SIDE]
+
+
+def make_optimisers(model: AnyEstimator, config: TrainConfig) -> dict[str, torch.optim.Optimizer]:
+    """Muon for the matrices of encoder and denoiser, AdamW for all else; AdamW alone where it is configured."""
+    inner = [*matrices(model.encoder), *matrices(model.denoiser)] if config.optimiser == "muon" else []
+    others = [p for p in model.parameters() if all(p is not matrix for matrix in inner)]
+    decay = config.weight_decay
+    found: dict[str, torch.optim.Optimizer] = {}
+    found["adamw"] = torch.optim.AdamW(others, config.learning_rate, (0.9, 0.98), weight_decay=decay, fused=True)
+    if inner:
+        found["muon"] = Muon(inner, config.matrix_rate, decay)
+    return found

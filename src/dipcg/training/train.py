@@ -6,10 +6,11 @@ validation split.
 
 from __future__ import annotations
 
+import contextlib
 import os
-import platform
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Mapping
+from collections.abc import Generator as Iteration
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,18 +22,20 @@ from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from dipcg.config import ModelConfig, TrainConfig
 from dipcg.data.shapes import Shapes, load_shapes
+from dipcg.data.store import Store
+from dipcg.files import locked
 from dipcg.generators import Generator
 from dipcg.model.checkpoint import load_matching, write_checkpoint
 from dipcg.model.estimators import AnyEstimator, build_estimator
 from dipcg.model.zoo import find_checkpoint
-from dipcg.training.device import choose_device, has_bfloat16
+from dipcg.training.device import choose_device, compile_networks, has_bfloat16, machine
 from dipcg.training.distributed import Processes
-from dipcg.training.muon import Muon, matrices
+from dipcg.training.muon import make_optimisers
 from dipcg.training.pictures import SLOTS, USES, Batch, BatchSource, Pictures
 from dipcg.training.recipes import published_views
 from dipcg.training.schedule import Schedule
 from dipcg.training.sentences import Sentences
-from dipcg.training.state import load_state, save_state
+from dipcg.training.state import allow_lower_rates, load_state, save_state
 from dipcg.training.threads import Threads
 from dipcg.training.validate import Validation, validate
 
@@ -70,21 +73,30 @@ def train(
 ) -> AnyEstimator:
     """Train on a data set until the budget is spent and write the best weights to `out`; resumes a killed run.
 
-    Raises ValueError when the data set is unusable or `out` holds another run or a finished one, and TrainingError when
-    the loss is no longer a number.
+    Raises ValueError when the data set is unusable, and when `out` holds another run, a finished one, or one that
+    another process trains; TrainingError when the loss is no longer a number.
     """
+    is_main = os.environ.get("RANK", "0") == "0"
+    with locked(Path(out), "trains") if is_main else contextlib.nullcontext():
+        return _train(data, Path(out), config, model_config, report)
+
+
+def _train(
+    data: str | Path, out: Path, config: TrainConfig, model_config: ModelConfig, report: Callable[[Status], None]
+) -> AnyEstimator:
     torch.manual_seed(config.seed)
     generator, shapes = load_shapes(data, "train")
     shapes = shapes.first(config.shapes or len(shapes.x))
-    run = Run(build_estimator(generator.space, model_config), config, Path(out), generator)
-    run.about |= {"shapes": len(shapes.x), "machine": _machine(run.device, run.processes.size)}
+    run = Run(build_estimator(generator.space, model_config), config, out, generator, Store(data).info)
+    run.about |= {"shapes": len(shapes.x), "machine": machine(run.device, run.processes.size)}
     checks = _validation_batch(data, run)
     # Every process sees other pictures and draws other noise.
     own = replace(config, seed=config.seed + 1000 * run.processes.rank)
     source = _source(generator, shapes, run, own)
     try:
-        with Threads() as threads:
-            for status in run.steps(source, checks, threads.adapt):
+        # An interrupt of a report is raised in the steps too, which then save the state.
+        with Threads() as threads, contextlib.closing(run.steps(source, checks, threads.adapt)) as steps:
+            for status in steps:
                 if run.processes.is_main:
                     report(status)
     finally:
@@ -92,11 +104,23 @@ def train(
     return run.averaged
 
 
-class Run:
-    """The state of one training: weights, their average, the optimiser, the counters."""
+Statuses = Iteration[Status, None, None]
 
-    def __init__(self, model: AnyEstimator, config: TrainConfig, out: Path, generator: Generator) -> None:
+
+class Run:
+    """The state of one training: weights, their average, the optimiser, the counters; `data` names the data set."""
+
+    def __init__(
+        self,
+        model: AnyEstimator,
+        config: TrainConfig,
+        out: Path,
+        generator: Generator,
+        data: Mapping[str, Any] | None = None,
+    ) -> None:
         self.config, self.out, self.generator = config, out, generator
+        self.settings = {"model": asdict(model.config), "train": asdict(config)}
+        self.settings |= {"data": {"data": dict(data)}} if data else {}
         self.processes = Processes(config.device)
         self.device = self.processes.device or choose_device(config.device)
         # What a card says besides.
@@ -107,11 +131,11 @@ class Run:
         self.model = model.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.averaged = build_estimator(generator.space, model.config).to(self.device)
         self.averaged.load_state_dict(self.model.state_dict())
-        self.optimisers = _optimisers(self.model, config)
+        self.optimisers = make_optimisers(self.model, config)
         self.schedule = Schedule(config, _image_size(model), model.makes_guess, _grows(config, model))
         self.counters: dict[str, Any] = {"elapsed_s": 0.0, "pictures": 0, "step": 0, "best": {}}
-        self.counters |= load_state(out, self._networks, self.optimisers, self._configs, self.device)
-        _compile(config, self.model, self.device)
+        self.counters |= load_state(out, self._networks, self.optimisers, self.settings, self.device)
+        compile_networks(config, self.model, self.device)
         if self.share >= 1:
             raise ValueError(f"The run in {out} is finished; give a larger budget (--pictures) or another folder (-o).")
 
@@ -120,7 +144,9 @@ class Run:
         """How much of the budget is spent."""
         return self.schedule.share(self.counters["pictures"], self.counters["elapsed_s"])
 
-    def steps(self, source: BatchSource, checks: Batch, adapt: Callable[[], None] = lambda: None) -> Iterator[Status]:
+    def steps(
+        self, source: BatchSource, checks: Batch, adapt: Callable[[], None] = lambda: None
+    ) -> Iteration[Status, None, None]:
         """Step until the budget is spent; validates and saves every two minutes, at the end, and when interrupted."""
         started, before, waited = time.monotonic(), dict(self.counters), 0.0
         checked = started
@@ -146,7 +172,7 @@ class Run:
             raise
 
     def learn(self, batch: Batch) -> float:
-        """One step on one batch; raises TrainingError when the loss is not a number."""
+        """One step on one batch; raises TrainingError when the loss or its gradient is not a number."""
         share = self.share
         for optimiser in self.optimisers.values():
             for group in optimiser.param_groups:
@@ -154,15 +180,11 @@ class Run:
         self._set_stage(self.schedule.trains_denoiser(share))
         torch.manual_seed(self.config.seed + 1000 * self.processes.rank + self.counters["step"])
         loss = self._loss(Batch(*(part.to(self.device, non_blocking=True) for part in batch)))
-        if not torch.isfinite(loss):
-            raise TrainingError(
-                f"The loss is {float(loss)} after {self.counters['pictures']} pictures. The last good state is kept in "
-                f"{self.out}; delete it and train with a lower --learning-rate than {self.config.learning_rate:g}."
-            )
+        self._check_number("loss", loss)
         self.model.zero_grad()
         loss.backward()
         self.processes.average_gradients(self.model.parameters())
-        torch.nn.utils.clip_grad_norm_(self.model.parameters(), 1.0)
+        self._check_number("gradient", torch.nn.utils.clip_grad_norm_(self.model.parameters(), 1.0))
         for optimiser in self.optimisers.values():
             optimiser.step()
         self._average()
@@ -175,6 +197,7 @@ class Run:
         denoiser, size = self.schedule.trains_denoiser(self.share), self.schedule.size(self.share)
         checks = Batch(*(part.to(self.device) for part in checks))
         found = validate(self.averaged, checks._replace(images=_resized(checks.images, size)), denoiser)
+        self._check_number("loss of the validation", torch.tensor(found.loss))
         stage = "denoiser" if denoiser else "guess"
         if found.loss <= self.counters["best"].get(stage, float("inf")):
             self.counters["best"][stage] = found.loss
@@ -188,18 +211,22 @@ class Run:
         self.save()
         return found
 
+    def _check_number(self, name: str, value: Tensor) -> None:
+        """Raise TrainingError for a value that is not finite; the folder then allows other rates."""
+        if not torch.isfinite(value):
+            what = f"The {name} is {float(value.detach())} after {self.counters['pictures']} pictures."
+            raise TrainingError(allow_lower_rates(self.out, what, self.config))
+
     def save(self) -> None:
-        """Write what a killed run goes on from."""
+        """Write what a killed run goes on from, unless the last step has made a weight that is no number."""
+        if not all(torch.isfinite(weight).all() for weight in self.model.parameters()):
+            return
         self.out.mkdir(parents=True, exist_ok=True)
-        save_state(self.out, self._networks, self.optimisers, self.counters, self._configs)
+        save_state(self.out, self._networks, self.optimisers, self.counters, self.settings)
 
     @property
     def _networks(self) -> dict[str, torch.nn.Module]:
         return {"model": self.model, "averaged": self.averaged}
-
-    @property
-    def _configs(self) -> tuple[ModelConfig, TrainConfig]:
-        return self.model.config, self.config
 
     def _set_stage(self, denoiser: bool) -> None:
         """Train the encoder and its guess, or the denoiser on the averaged encoder, which then stays as it is."""
@@ -229,31 +256,6 @@ class Run:
         ours, theirs = self.averaged.state_dict(), self.model.state_dict()
         floats = [key for key, value in ours.items() if value.is_floating_point()]
         update([ours[key] for key in floats], [theirs[key] for key in floats], step)
-
-
-def _optimisers(model: AnyEstimator, config: TrainConfig) -> dict[str, torch.optim.Optimizer]:
-    """Muon for the matrices of encoder and denoiser, AdamW for all else; AdamW alone where it is configured."""
-    inner = [*matrices(model.encoder), *matrices(model.denoiser)] if config.optimiser == "muon" else []
-    others = [p for p in model.parameters() if all(p is not matrix for matrix in inner)]
-    decay = config.weight_decay
-    found: dict[str, torch.optim.Optimizer] = {}
-    found["adamw"] = torch.optim.AdamW(others, config.learning_rate, (0.9, 0.98), weight_decay=decay, fused=True)
-    if inner:
-        found["muon"] = Muon(inner, config.matrix_rate, decay)
-    return found
-
-
-def _compile(config: TrainConfig, model: AnyEstimator, device: torch.device) -> None:
-    """Fuse operations on a GPU; on a CPU compiled code has a fixed number of threads, which we change while it runs."""
-    if config.compile == "yes" or (config.compile == "auto" and device.type == "cuda"):
-        model.encoder.compile()
-        model.denoiser.compile()
-
-
-def _machine(device: torch.device, processes: int) -> str:
-    if device.type == "cuda":
-        return f"{processes} × {torch.cuda.get_device_name(device)}"
-    return f"{os.cpu_count()} cores, {platform.machine()}"
 
 
 def _resized(images: Tensor, size: int) -> Tensor:
