@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float32, Int32, UInt8
@@ -15,12 +17,19 @@ class MeshError(ValueError):
 
 @dataclass(frozen=True)
 class Mesh:
-    """Vertices `v 3` in metres, faces `f 3`, and for each face an index into `part_names`."""
+    """Vertices `v 3` in metres, faces `f 3`, and for each face an index into `part_names`.
+
+    Meshes for files also know, for each face, the quad that it is half of and the copy that it belongs to, both -1 for
+    none, and the normals of its corners where the surface that it was simplified from says more than its own faces.
+    """
 
     vertices: Float32[np.ndarray, "v 3"]
     faces: Int32[np.ndarray, "f 3"]
     parts: UInt8[np.ndarray, " f"]
     part_names: tuple[str, ...] = ("body",)
+    quads: Int32[np.ndarray, " f"] | None = None
+    copies: Int32[np.ndarray, " f"] | None = None
+    normals: Float32[np.ndarray, "f 3 3"] | None = None
 
     @cached_property
     def bounds(self) -> Float32[np.ndarray, "2 3"]:
@@ -38,7 +47,15 @@ class Mesh:
         return float(np.ptp(self.bounds, axis=0).max())
 
 
-def make_mesh(vertices: object, faces: object, parts: object = None, part_names: tuple[str, ...] = ("body",)) -> Mesh:
+def make_mesh(
+    vertices: object,
+    faces: object,
+    parts: object = None,
+    part_names: tuple[str, ...] = ("body",),
+    quads: object = None,
+    copies: object = None,
+    normals: object = None,
+) -> Mesh:
     """Build a checked mesh from array-likes.
 
     Raises MeshError with a sentence when it is empty, not finite, or an index is out of range.
@@ -46,19 +63,54 @@ def make_mesh(vertices: object, faces: object, parts: object = None, part_names:
     v = _in_threes(np.ascontiguousarray(vertices, np.float32), "vertices")
     f = _in_threes(np.ascontiguousarray(faces, np.int32), "faces")
     p = np.zeros(len(f), np.uint8) if parts is None else np.ascontiguousarray(parts, np.uint8)
-    problem = _problem(v, f, p, part_names)
+    groups = [None if group is None else np.ascontiguousarray(group, np.int32) for group in (quads, copies)]
+    n = None if normals is None else np.ascontiguousarray(normals, np.float32)
+    problem = _problem(v, f, p, part_names) or _wrong_extras(len(f), groups, n)
     if problem:
         raise MeshError(f"The generator built no usable mesh: {problem}.")
-    return Mesh(v, f, p, tuple(part_names))
+    return Mesh(v, f, p, tuple(part_names), groups[0], groups[1], n)
 
 
-def join(meshes: list[tuple[str, np.ndarray, np.ndarray]]) -> Mesh:
-    """One mesh from (part name, vertices, faces) pieces; pieces of the same name share a part."""
-    names = tuple(dict.fromkeys(name for name, _, _ in meshes))
-    starts = np.cumsum([0] + [len(v) for _, v, _ in meshes])
-    faces = [np.asarray(f).reshape(-1, 3) + start for (_, _, f), start in zip(meshes, starts, strict=False)]
-    parts = [np.full(len(f), names.index(name)) for (name, _, _), f in zip(meshes, faces, strict=True)]
-    return make_mesh(np.concatenate([v for _, v, _ in meshes]), np.concatenate(faces), np.concatenate(parts), names)
+class Solid(NamedTuple):
+    """A piece of a mesh before it is joined: its part, its vertices and faces, its quads and copies as in `Mesh`."""
+
+    part: str
+    vertices: np.ndarray
+    faces: np.ndarray
+    quads: np.ndarray | None = None
+    copies: np.ndarray | None = None
+
+
+def join(solids: Sequence[tuple[Any, ...]]) -> Mesh:
+    """One mesh from solids, or (part name, vertices, faces); those of the same name share a part."""
+    every = [Solid(*solid) for solid in solids]
+    names = tuple(dict.fromkeys(solid.part for solid in every))
+    starts = np.cumsum([0] + [len(solid.vertices) for solid in every])
+    faces = [np.asarray(solid.faces).reshape(-1, 3) + start for solid, start in zip(every, starts, strict=False)]
+    sizes = [len(f) for f in faces]
+    parts = np.repeat([names.index(solid.part) for solid in every], sizes)
+    made = make_mesh(np.concatenate([solid.vertices for solid in every]), np.concatenate(faces), parts, names)
+    quads = numbered([solid.quads for solid in every], sizes)
+    return replace(made, quads=quads, copies=numbered([solid.copies for solid in every], sizes))
+
+
+def numbered(groups: Sequence[np.ndarray | None], sizes: Sequence[int]) -> Int32[np.ndarray, " f"] | None:
+    """The groups of several solids, such as quads, numbered through; None where no solid has any."""
+    if all(group is None for group in groups):
+        return None
+    numbered, start = [], 0
+    for group, size in zip(groups, sizes, strict=True):
+        own = np.full(size, -1, np.int32) if group is None else np.asarray(group, np.int32)
+        numbered.append(np.where(own < 0, -1, own + start).astype(np.int32))
+        start += int(own.max(initial=-1)) + 1
+    return np.concatenate(numbered)
+
+
+def chosen(mesh: Mesh, faces: np.ndarray) -> Mesh:
+    """The mesh with some of its faces, by their numbers or by a mask, in that order; vertices stay."""
+    each = ("faces", "parts", "quads", "copies", "normals")
+    values = {name: getattr(mesh, name) for name in each}
+    return replace(mesh, **{name: value[faces] for name, value in values.items() if value is not None})
 
 
 def triangulate(sizes: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -70,6 +122,11 @@ def triangulate(sizes: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.
     return np.stack([corners[first], corners[first + step + 1], corners[first + step + 2]], axis=1), source
 
 
+def pairs(polygons: Int32[np.ndarray, " f"]) -> Int32[np.ndarray, " f"]:
+    """The polygon of each triangle if it has two, so that it is a quad, and -1 for others."""
+    return np.where(np.bincount(polygons)[polygons] == 2, polygons, np.int32(-1))
+
+
 def simplify(mesh: Mesh, faces: int = 4000, error: float = 0.004) -> Mesh:
     """Collapse edges until `faces` are left or the surface would move by more than `error` of its extent.
 
@@ -78,10 +135,17 @@ def simplify(mesh: Mesh, faces: int = 4000, error: float = 0.004) -> Mesh:
     """
     if len(mesh.faces) <= faces:
         return mesh
-    share, mesh = faces / len(mesh.faces), weld(mesh)
-    left = [_simplify_part(mesh, part, share, error) for part in range(len(mesh.part_names))]
+    return compact(simplify_parts(weld(mesh), faces / len(mesh.faces), error * mesh.side))
+
+
+def simplify_parts(mesh: Mesh, share: float, metres: float) -> Mesh:
+    """Simplify each part of a welded mesh to a share of its faces, or until its surface would move by some metres.
+
+    The vertices stay the same, some of them without a face.
+    """
+    left = [_simplify_part(mesh, part, share, metres) for part in range(len(mesh.part_names))]
     parts = np.repeat(np.arange(len(left)), [len(faces) for faces in left]).astype(np.uint8)
-    return compact(replace(mesh, faces=np.concatenate(left), parts=parts))
+    return Mesh(mesh.vertices, np.concatenate(left), parts, mesh.part_names)
 
 
 def weld(mesh: Mesh, tolerance: float = 1e-5) -> Mesh:
@@ -103,15 +167,14 @@ def drop_degenerate(mesh: Mesh, area: float = 1e-14) -> Mesh:
     """The same mesh without triangles of less than `area` square metres."""
     a, b, c = (mesh.vertices[mesh.faces[:, i]].astype(float) for i in range(3))
     solid = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 2 * area
-    return Mesh(mesh.vertices, mesh.faces[solid], mesh.parts[solid], mesh.part_names)
+    return chosen(mesh, solid)
 
 
 def compact(mesh: Mesh) -> Mesh:
     """The same surface without unused vertices, faces sorted by part."""
     order = np.argsort(mesh.parts, kind="stable")
     used, faces = np.unique(mesh.faces[order], return_inverse=True)
-    faces = faces.reshape(-1, 3).astype(np.int32)
-    return Mesh(mesh.vertices[used], faces, mesh.parts[order], mesh.part_names)
+    return replace(chosen(mesh, order), vertices=mesh.vertices[used], faces=faces.reshape(-1, 3).astype(np.int32))
 
 
 def differs(a: Mesh, b: Mesh, share: float = 1e-5) -> bool:
@@ -123,8 +186,9 @@ def differs(a: Mesh, b: Mesh, share: float = 1e-5) -> bool:
 
 def sort_faces(mesh: Mesh) -> Mesh:
     """The same mesh with its faces in an order of our own, because Blender's may depend on memory addresses."""
+    assert mesh.normals is None, "faces are turned, and the normals of their corners would have to turn too"
     faces, order = sort_triangles(mesh.faces, mesh.parts)
-    return replace(mesh, faces=faces, parts=mesh.parts[order])
+    return replace(chosen(mesh, order), faces=faces)
 
 
 def sort_triangles(triangles: np.ndarray, *ties: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -135,7 +199,7 @@ def sort_triangles(triangles: np.ndarray, *ties: np.ndarray) -> tuple[np.ndarray
     return turned[order], order
 
 
-def _simplify_part(mesh: Mesh, part: int, share: float, error: float) -> Int32[np.ndarray, "k 3"]:
+def _simplify_part(mesh: Mesh, part: int, share: float, metres: float) -> Int32[np.ndarray, "k 3"]:
     import meshoptimizer
 
     faces = mesh.faces[mesh.parts == part]
@@ -149,7 +213,7 @@ def _simplify_part(mesh: Mesh, part: int, share: float, error: float) -> Int32[n
         faces.astype(np.uint32).ravel(),
         mesh.vertices,
         target_index_count=3 * int(share * len(faces)),
-        target_error=error * mesh.side,
+        target_error=metres,
         options=meshoptimizer.SIMPLIFY_SPARSE | meshoptimizer.SIMPLIFY_ERROR_ABSOLUTE,
     )
     return out[:count].reshape(-1, 3).astype(np.int32)
@@ -172,4 +236,12 @@ def _problem(v: np.ndarray, f: np.ndarray, p: np.ndarray, part_names: tuple[str,
         return f"a face names vertex {f.max() if f.max() >= len(v) else f.min()} of {len(v)}"
     if p.shape != (len(f),) or p.max() >= len(part_names):
         return f"its parts do not name one of {len(part_names)} parts for each of {len(f)} faces"
+    return ""
+
+
+def _wrong_extras(count: int, groups: list[np.ndarray | None], normals: np.ndarray | None) -> str:
+    if any(group is not None and group.shape != (count,) for group in groups):
+        return f"its quads or copies are not one number for each of {count} faces"
+    if normals is not None and (normals.shape != (count, 3, 3) or not np.isfinite(normals).all()):
+        return f"its normals are not three finite vectors for each of {count} faces"
     return ""

@@ -147,7 +147,7 @@ class Inverter:
         """The encoder's features of prepared pictures, a row for each."""
         return self.model.encoder(torch.cat([encoder_input(picture) for picture in pictures]))
 
-    def build(self, params: Params, detail: Detail = "full") -> Asset:
+    def build(self, params: Params, detail: Detail = "standard") -> Asset:
         """Build parameters in a worker process; raises BuildError with a sentence."""
         return Asset(self.pool.build(params, detail), self.generator.ref, params)
 

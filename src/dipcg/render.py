@@ -15,18 +15,9 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from dipcg.camera import View, depth_range, fit, perspective, world_to_camera
+from dipcg.materials import PALETTE
 from dipcg.mesh import Mesh
 
-PALETTE = np.array(
-    [
-        [0.76, 0.60, 0.42],
-        [0.45, 0.58, 0.66],
-        [0.66, 0.45, 0.40],
-        [0.55, 0.65, 0.45],
-        [0.62, 0.55, 0.70],
-        [0.80, 0.72, 0.50],
-    ]
-)
 MAX_LIGHTS = 3
 # Ids of this process and of those it was forked from, if they have rendered.
 _rendered_in: set[int] = set()

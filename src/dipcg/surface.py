@@ -1,4 +1,4 @@
-"""A mesh as files hold it: parts whose vertices have normals, and with texture maps also places on them."""
+"""The surface of a mesh: the normals of its corners, and texture maps."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Float32, Int, Int32, UInt8
+from jaxtyping import Float, Float32, Int, UInt8
 
 from dipcg.mesh import Mesh, MeshError
 
@@ -43,31 +43,16 @@ def make_maps(**arrays: np.ndarray) -> Maps:
     return maps
 
 
-@dataclass(frozen=True)
-class Piece:
-    """A part with its number in the mesh; vertices are split where normals or places on the maps differ."""
+def corner_normals(
+    mesh: Mesh, crease_deg: float = CREASE_DEG, full: Mesh | None = None
+) -> Float32[np.ndarray, "f 3 3"]:
+    """For each corner of each face the mean, by area, of the normals around it within the angle of the crease.
 
-    part: int
-    name: str
-    vertices: Float32[np.ndarray, "v 3"]
-    normals: Float32[np.ndarray, "v 3"]
-    faces: Int32[np.ndarray, "f 3"]
-    uv: Float32[np.ndarray, "v 2"] | None = None
-
-
-def pieces(mesh: Mesh, maps: Maps | None = None) -> Iterator[Piece]:
-    """Each part that has faces with some area, with a unique name."""
-    corners, solid = corner_normals(mesh) if maps is None else maps.corners, _areas(mesh) > 1e-14
-    for part, name in enumerate(unique_names(mesh.part_names)):
-        here = np.flatnonzero(solid & (mesh.parts == part))
-        if len(here):
-            yield _piece(part, name, mesh.vertices[mesh.faces[here]], corners[here], maps and maps.uv[here])
-
-
-def corner_normals(mesh: Mesh, crease_deg: float = CREASE_DEG) -> Float32[np.ndarray, "f 3 3"]:
-    """For each corner of each face the mean, by area, of the normals around it within the angle of the crease."""
-    corners = mesh.vertices[mesh.faces].astype(float)
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    `full` is the surface that the mesh was simplified from, with the same vertices: its faces are then the ones around.
+    """
+    if full is not None:
+        return _normals_of(full, mesh, crease_deg)
+    cross = crosses(mesh)
     unit, places = _unit(cross), _places(mesh.vertices)[mesh.faces].ravel()
     total, creased = _around(places, cross, unit, crease_deg)
     for number, other in _neighbours(places[creased]):
@@ -75,6 +60,22 @@ def corner_normals(mesh: Mesh, crease_deg: float = CREASE_DEG) -> Float32[np.nda
         near = np.einsum("ij,ij->i", unit[corner // 3], unit[face]) > np.cos(np.radians(crease_deg))
         total[corner[near]] += cross[face[near]]
     smooth = _unit(np.where((total**2).sum(1, keepdims=True) > 0, total, np.repeat(unit, 3, axis=0)))
+    return smooth.reshape(-1, 3, 3).astype(np.float32)
+
+
+def _normals_of(full: Mesh, mesh: Mesh, crease_deg: float) -> Float32[np.ndarray, "f 3 3"]:
+    own, around = _unit(crosses(mesh)), crosses(full)
+    order = np.argsort(full.faces.ravel(), kind="stable")
+    count = np.bincount(full.faces.ravel(), minlength=len(full.vertices))
+    first = np.cumsum(count) - count
+    # A pair for each corner of the mesh and each face of the full surface around its vertex.
+    many = count[mesh.faces.ravel()]
+    corner = np.repeat(np.arange(len(many)), many)
+    step = np.arange(len(corner)) - np.repeat(np.cumsum(many) - many, many)
+    face = order[first[mesh.faces.ravel()[corner]] + step] // 3
+    near = np.einsum("ij,ij->i", own[corner // 3], _unit(around)[face]) > np.cos(np.radians(crease_deg))
+    total = np.column_stack([np.bincount(corner[near], column, len(many)) for column in around[face[near]].T])
+    smooth = _unit(np.where((total**2).sum(1, keepdims=True) > 0, total, np.repeat(own, 3, axis=0)))
     return smooth.reshape(-1, 3, 3).astype(np.float32)
 
 
@@ -94,18 +95,6 @@ def _around(
     return sums, creased
 
 
-def unique_names(names: tuple[str, ...]) -> list[str]:
-    """The same names, with a number behind those that occur before."""
-    different: list[str] = []
-    for name in names:
-        number = 2
-        unique = name
-        while unique in different:
-            unique, number = f"{name}_{number}", number + 1
-        different.append(unique)
-    return different
-
-
 def _neighbours(places: Int[np.ndarray, " c"]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Every corner with another at the same place, itself included: one such corner for each at a time.
 
@@ -123,19 +112,10 @@ def _neighbours(places: Int[np.ndarray, " c"]) -> Iterator[tuple[np.ndarray, np.
 def _places(vertices: Float32[np.ndarray, "v 3"]) -> Int[np.ndarray, " v"]:
     """A number for each place at which there are vertices."""
     # The addition turns -0 into 0.
-    return _same(vertices + np.float32(0))[1]
+    return same_rows(vertices + np.float32(0))[1]
 
 
-def _piece(part: int, name: str, positions: np.ndarray, normals: np.ndarray, uv: np.ndarray | None) -> Piece:
-    columns = [positions.reshape(-1, 3), np.round(normals.reshape(-1, 3), 3)]
-    columns += [] if uv is None else [uv.reshape(-1, 2)]
-    first, faces = _same(np.column_stack(columns).astype(np.float32) + np.float32(0))
-    places = None if uv is None else uv.reshape(-1, 2)[first].astype(np.float32)
-    vertices, split = columns[0][first].astype(np.float32), normals.reshape(-1, 3)[first].astype(np.float32)
-    return Piece(part, name, vertices, split, faces.reshape(-1, 3).astype(np.int32), places)
-
-
-def _same(rows: Float32[np.ndarray, "n k"]) -> tuple[Int[np.ndarray, " u"], Int[np.ndarray, " n"]]:
+def same_rows(rows: Float32[np.ndarray, "n k"]) -> tuple[Int[np.ndarray, " u"], Int[np.ndarray, " n"]]:
     """The first of each set of equal rows, and the set of each row, by a hash of 64 bits of each row."""
     multipliers = np.random.default_rng(0).integers(1, 2**63, rows.shape[1], np.uint64) | np.uint64(1)
     keys = np.zeros(len(rows), np.uint64)
@@ -146,9 +126,10 @@ def _same(rows: Float32[np.ndarray, "n k"]) -> tuple[Int[np.ndarray, " u"], Int[
     return first, member.ravel()
 
 
-def _areas(mesh: Mesh) -> Float[np.ndarray, " f"]:
+def crosses(mesh: Mesh) -> Float[np.ndarray, "f 3"]:
+    """The normal of each face, as long as twice its area."""
     a, b, c = (mesh.vertices[mesh.faces[:, i]].astype(float) for i in range(3))
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    return np.cross(b - a, c - a)
 
 
 def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:

@@ -11,11 +11,11 @@ import pytest
 import trimesh
 
 from dipcg.blender.declaration import live_settings
-from dipcg.blender.materials import FAMILIES, family
 from dipcg.camera import View
 from dipcg.export.asset import Asset
 from dipcg.generators import load_generator
 from dipcg.images import MARGIN
+from dipcg.materials import FAMILIES, family
 from dipcg.render import Renderer
 from dipcg.surface import Maps
 from dipcg.workers.pool import BuildPool

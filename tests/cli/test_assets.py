@@ -58,7 +58,7 @@ def test_fewer_faces_are_written_when_asked_for(tmp_path):
     ("words", "expected"),
     [
         (("--faces", 2), "4 or more, got 2."),
-        (("--texture", 512), ".stl files hold no maps; use one of .glb, .gltf, .usdz, .usda, .usdc."),
+        (("--texture", 512), ".stl files hold no maps; use one of .glb, .gltf, .usdz, .usd, .usda, .usdc."),
     ],
 )
 def test_what_cannot_be_written_so_is_refused(capsys, tmp_path, words, expected):

@@ -3,6 +3,7 @@
 import json
 import os
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,13 @@ import pytest
 import trimesh
 
 from dipcg.export.asset import TEXTURED, USD, Asset, ExportError, check_faces, check_target, check_texture
+from dipcg.materials import finishes as plain_finishes
 from dipcg.mesh import Mesh, make_mesh
-from dipcg.render import PALETTE
 from dipcg.space import params_from_json
 from dipcg.surface import corner_normals
 
-# In glTF Y is up and the front faces +Z.
-GLTF_FROM_OURS = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+# From our axes to Y up with the front towards +Z.
+Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
 
 # The formats that trimesh reads.
 every_format = pytest.mark.parametrize("suffix", [".glb", ".gltf", ".obj", ".ply", ".stl"])
@@ -26,6 +27,12 @@ every_usd = pytest.mark.parametrize("suffix", USD)
 def area(mesh: Mesh) -> float:
     a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(float), 1, 0)
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def standing(mesh: Mesh) -> Mesh:
+    """The mesh on the floor with its middle over the origin."""
+    low, high = mesh.vertices.min(0), mesh.vertices.max(0)
+    return replace(mesh, vertices=mesh.vertices - [*(low + high)[:2] / 2, low[2]])
 
 
 def glb_json(path: Path) -> dict:
@@ -39,16 +46,25 @@ def glb_json(path: Path) -> dict:
 @pytest.mark.parametrize("name", ["a.glb", "a.gltf", "A.GLB"])
 def test_gltf_is_y_up_and_in_metres(asset, tmp_path, name):
     scene = trimesh.load(asset.export(tmp_path / name))
-    turned = asset.mesh.bounds @ GLTF_FROM_OURS.T
+    turned = standing(asset.mesh).bounds @ Y_UP.T
     np.testing.assert_allclose(scene.bounds, np.sort(turned, axis=0), atol=1e-6)
     front = asset.mesh.vertices[asset.mesh.vertices[:, 1].argmin()]
-    assert (GLTF_FROM_OURS @ front)[2] == pytest.approx(scene.bounds[1, 2], abs=1e-6)
+    assert (Y_UP @ front)[2] == pytest.approx(scene.bounds[1, 2], abs=1e-6)
 
 
-@pytest.mark.parametrize("suffix", [".obj", ".ply", ".stl"])
-def test_the_other_formats_are_z_up_and_in_metres(asset, tmp_path, suffix):
+@pytest.mark.parametrize(("suffix", "turn"), [(".obj", Y_UP), (".ply", np.eye(3)), (".stl", np.eye(3))])
+def test_the_other_formats_are_in_metres_with_their_usual_axes(asset, tmp_path, suffix, turn):
     read = trimesh.load(asset.export(tmp_path / f"a{suffix}"))
-    np.testing.assert_allclose(read.bounds, asset.mesh.bounds, atol=1e-6)
+    np.testing.assert_allclose(read.bounds, np.sort(standing(asset.mesh).bounds @ turn.T, axis=0), atol=1e-6)
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".obj", ".ply"])
+def test_an_asset_stands_on_the_floor_over_the_origin_wherever_it_was_built(asset, tmp_path, suffix):
+    moved = replace(asset, mesh=replace(asset.mesh, vertices=asset.mesh.vertices + np.float32([3, -2, -0.7])))
+    low, high = trimesh.load(moved.export(tmp_path / f"a{suffix}")).bounds
+    up = 2 if suffix == ".ply" else 1
+    assert low[up] == pytest.approx(0, abs=1e-6)
+    np.testing.assert_allclose(np.delete(low + high, up), 0, atol=1e-5)
 
 
 @every_format
@@ -58,15 +74,17 @@ def test_every_format_has_the_same_surface(asset, tmp_path, suffix):
 
 
 def test_a_glb_has_a_named_geometry_and_material_for_each_part(asset, tmp_path):
-    document = glb_json(asset.export(tmp_path / "a.glb"))
-    names = ["body", "leg", "lid"]
-    assert sorted(mesh["name"] for mesh in document["meshes"]) == names
-    assert sorted(material["name"] for material in document["materials"]) == names
-    assert {node["name"] for node in document["nodes"]} >= set(names)
+    document, nodes = glb_json(asset.export(tmp_path / "a.glb")), ["body", "leg", "lid"]
+    assert sorted(mesh["name"] for mesh in document["meshes"]) == nodes
+    (root,) = document["scenes"][0]["nodes"]
+    assert document["nodes"][root]["name"] == "box"
+    assert sorted(document["nodes"][child]["name"] for child in document["nodes"][root]["children"]) == nodes
+    finishes = dict(zip(asset.mesh.part_names, plain_finishes("box", asset.mesh.part_names), strict=True))
     for mesh in document["meshes"]:
-        material = document["materials"][mesh["primitives"][0]["material"]]
-        assert material["name"] == mesh["name"]
-        colour = PALETTE[asset.mesh.part_names.index(mesh["name"])]
+        material, finish = document["materials"][mesh["primitives"][0]["material"]], finishes[mesh["name"]]
+        assert material["name"] == finish.name == f"{mesh['name']}_plastic"
+        assert material["pbrMetallicRoughness"]["roughnessFactor"] == finish.roughness
+        colour = np.array(finish.colour)
         # Colours in glTF are linear.
         light = np.where(colour > 0.04045, ((colour + 0.055) / 1.055) ** 2.4, colour / 12.92)
         np.testing.assert_allclose(material["pbrMetallicRoughness"]["baseColorFactor"], [*light, 1], atol=1e-6)
@@ -75,7 +93,7 @@ def test_a_glb_has_a_named_geometry_and_material_for_each_part(asset, tmp_path):
 def test_parts_keep_their_places_in_a_glb(asset, tmp_path):
     scene = trimesh.load(asset.export(tmp_path / "a.glb"))
     for part, name in enumerate(asset.mesh.part_names):
-        points = asset.mesh.vertices[asset.mesh.faces[asset.mesh.parts == part]].reshape(-1, 3) @ GLTF_FROM_OURS.T
+        points = standing(asset.mesh).vertices[asset.mesh.faces[asset.mesh.parts == part]].reshape(-1, 3) @ Y_UP.T
         (node,) = scene.graph.geometry_nodes[name]
         placed = scene.geometry[name].copy().apply_transform(scene.graph[node][0])
         np.testing.assert_allclose(placed.bounds, [points.min(0), points.max(0)], atol=1e-6)
@@ -170,23 +188,23 @@ def test_fewer_faces_keep_the_shape(tmp_path):
 
 
 @every_usd
-def test_usd_is_z_up_in_metres_with_a_mesh_and_a_material_for_each_part(asset, tmp_path, suffix):
+def test_usd_is_y_up_in_metres_with_a_mesh_and_a_material_for_each_part(asset, tmp_path, suffix):
     pxr = pytest.importorskip("pxr")
     from pxr import Usd, UsdGeom, UsdShade
 
     stage = Usd.Stage.Open(str(asset.export(tmp_path / f"a{suffix}")))
-    assert UsdGeom.GetStageUpAxis(stage) == "Z"
+    assert UsdGeom.GetStageUpAxis(stage) == "Y"
     assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0
-    assert stage.GetDefaultPrim().GetName() == "asset", pxr
+    assert stage.GetDefaultPrim().GetName() == "box", pxr
     shapes = [UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
     assert sorted(shape.GetPrim().GetName() for shape in shapes) == ["body", "leg", "lid"]
     for shape in shapes:
         name = shape.GetPrim().GetName()
         faces = asset.mesh.faces[asset.mesh.parts == asset.mesh.part_names.index(name)]
         points = np.array(shape.GetPointsAttr().Get())[np.array(shape.GetFaceVertexIndicesAttr().Get())]
-        np.testing.assert_allclose(points, asset.mesh.vertices[faces].reshape(-1, 3), atol=1e-6)
+        np.testing.assert_allclose(points @ Y_UP, standing(asset.mesh).vertices[faces].reshape(-1, 3), atol=1e-6)
         material, _ = UsdShade.MaterialBindingAPI(shape).ComputeBoundMaterial()
-        assert material.GetPath().name == name
+        assert material.GetPath().name == f"{name}_plastic"
         assert material.ComputeSurfaceSource()[0].GetIdAttr().Get() == "UsdPreviewSurface"
 
 

@@ -8,7 +8,7 @@ import trimesh
 
 from dipcg.blender.caps import recapped
 from dipcg.generators import load_generator
-from dipcg.mesh import Mesh, weld
+from dipcg.mesh import Mesh, Solid, weld
 from dipcg.workers.pool import BuildPool
 
 TABLE = load_generator("table")
@@ -97,7 +97,7 @@ def test_caps_get_the_vertices_of_the_rim():
     vertices = np.vstack([low, high, *lids]).astype(np.float32)
     faces = np.vstack([wall, fans[0][:, ::-1], fans[1]]).astype(np.int32)
     assert not trimesh.Trimesh(vertices, faces, process=False).is_watertight
-    _, vertices, faces = recapped(("top", vertices, faces))
+    _, vertices, faces, *_ = recapped(Solid("top", vertices, faces))
     closed = trimesh.Trimesh(vertices, faces, process=False)
     assert closed.is_watertight
     assert closed.volume == pytest.approx(12 / 2 * np.sin(np.pi / 6), rel=1e-5)

@@ -1,4 +1,4 @@
-"""Assets as files: built in full detail, simplified or textured, written, and kept for a while."""
+"""Assets as files: built in the detail that was asked for, simplified or textured, written, and kept for a while."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from dipcg.app.models import AssetRequest
 from dipcg.app.store import Store
 from dipcg.app.studio import Studio
 from dipcg.export.asset import BLEND, FORMATS, NEEDS, TEXTURED, Asset, ExportError
-from dipcg.export.gltf import write_gltf
+from dipcg.export.gltf import glb
 from dipcg.mesh import Mesh
 from dipcg.space import params_to_json
 
@@ -60,11 +60,9 @@ class Making:
         except KeyError:
             raise LookupError("There is no such file here, or its time is over; make it again.") from None
 
-    def preview(self, mesh: Mesh) -> bytes:
+    def preview(self, generator: str, mesh: Mesh) -> bytes:
         """A mesh as GLB."""
-        with tempfile.TemporaryDirectory(dir=self._folder) as folder:
-            write_gltf(mesh, Path(folder) / "preview.glb")
-            return (Path(folder) / "preview.glb").read_bytes()
+        return glb(Asset(mesh, generator, {}).scene(copies=True))
 
     def sweep(self) -> None:
         self._files.sweep()

@@ -89,7 +89,7 @@ class AssetRequest(PreviewRequest):
     """An asset to write as a file."""
 
     format: Annotated[str, Field(max_length=10)] = ".glb"
-    detail: Detail = "full"
+    detail: Detail = "standard"
     faces: Annotated[int, Field(ge=4, le=MOST_FACES)] | None = None
     """triangles to simplify to, about"""
     texture: Annotated[int, Field(ge=16, le=MOST_TEXTURE)] | None = None

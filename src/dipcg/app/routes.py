@@ -156,7 +156,7 @@ async def post_preview(wanted: models.PreviewRequest, desk: TheDesk) -> Response
     with desk.previews.take(1):
         build = desk.studio.submit(wanted.generator, wanted.params, "light")
         mesh = await asyncio.wrap_future(build)
-        content = await anyio.to_thread.run_sync(desk.making.preview, mesh)
+        content = await anyio.to_thread.run_sync(desk.making.preview, wanted.generator, mesh)
     headers = {"X-Triangles": str(len(mesh.faces))}
     return Response(content, media_type="model/gltf-binary", headers=headers)
 

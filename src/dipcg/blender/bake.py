@@ -13,6 +13,7 @@ import numpy as np
 
 from dipcg.blender.infinigen import silence
 from dipcg.blender.scene import Report, new_object, start_cycles
+from dipcg.materials import srgb
 from dipcg.mesh import Mesh
 from dipcg.surface import Maps, corner_normals
 
@@ -56,7 +57,7 @@ def bake(report: Report, mesh: Mesh, generator: str, seed: int, size: int) -> Ma
     for step, name in enumerate([*CHANNELS, "normal"]):
         report(0.2 + 0.2 * step, f"baking {name.replace('_', ' ')}")
         baked[name] = _bake(obj, name, size)
-    baked["base_colour"] = _srgb(baked["base_colour"])
+    baked["base_colour"] = srgb(baked["base_colour"])
     eight = {name: np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8) for name, image in baked.items()}
     grey = {name: eight[name][..., 0] for name in ("roughness", "metallic")}
     return Maps(uv, corner_normals(mesh), **eight | grey)
@@ -169,9 +170,3 @@ def _copy(tree: Any, socket: Any, missing: float, target: Any) -> None:
 
 def _linked(socket: Any) -> Any:
     return socket.links[0].from_socket if socket.is_linked else None
-
-
-def _srgb(linear: np.ndarray) -> np.ndarray:
-    """Linear light in [0, 1] as sRGB (IEC 61966-2-1)."""
-    light = np.clip(linear, 0, 1)
-    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)

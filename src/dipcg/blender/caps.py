@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float, Int
 
-from dipcg.blender.infinigen import Piece
+from dipcg.mesh import Solid
 
 # Vertices within this distance in metres are one.
 SAME = 1e-6
@@ -19,22 +19,25 @@ SAME = 1e-6
 FLAT = 1e-5
 
 
-def recapped(piece: Piece) -> Piece:
+def recapped(piece: Solid) -> Solid:
     """The piece, closed: its lowest and highest level faces are made again over the rings around them."""
-    part, vertices, faces = _welded(piece)
+    part, vertices, faces, quads, _ = _welded(piece)
     height = vertices[faces, 2]
     level = (height < height.min() + FLAT).all(1) | (height > height.max() - FLAT).all(1)
     rim = faces[~level]
     caps = [_filled(vertices, ring) for ring in _rings(rim)]
-    return part, vertices, np.concatenate([rim, *caps]).astype(faces.dtype)
+    every = np.concatenate([rim, *caps]).astype(faces.dtype)
+    flat = np.full(len(every) - len(rim), -1, np.int32)
+    return Solid(part, vertices, every, None if quads is None else np.concatenate([quads[~level], flat]))
 
 
-def _welded(piece: Piece) -> Piece:
-    part, vertices, faces = piece
+def _welded(piece: Solid) -> Solid:
+    part, vertices, faces, quads, _ = piece
     places = np.rint(vertices / SAME).astype(np.int64)
     _, first, merged = np.unique(places, axis=0, return_index=True, return_inverse=True)
     faces = merged.reshape(-1)[faces]
-    return part, vertices[first], faces[(faces != np.roll(faces, 1, axis=1)).all(1)]
+    whole = (faces != np.roll(faces, 1, axis=1)).all(1)
+    return Solid(part, vertices[first], faces[whole], None if quads is None else quads[whole])
 
 
 def _rings(faces: Int[np.ndarray, "f 3"]) -> Iterator[list[int]]:

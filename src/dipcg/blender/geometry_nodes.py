@@ -25,7 +25,7 @@ from dipcg.blender.sockets import (
     sockets,
     usable,
 )
-from dipcg.mesh import Mesh, compact, make_mesh, sort_faces
+from dipcg.mesh import Mesh, compact, make_mesh, pairs, sort_faces
 from dipcg.space import Value, did_you_mean
 
 CASTS = {"real": float, "integer": round, "boolean": bool, "vector": float}
@@ -205,18 +205,18 @@ def _set(inputs: Inputs, socket: Socket, component: str, value: Value) -> None:
 
 def _read(mesh: Any, matrix: np.ndarray, name: str) -> Mesh:
     mesh.calc_loop_triangles()
-    vertices = np.empty(3 * len(mesh.vertices), np.float32)
-    faces = np.empty(3 * len(mesh.loop_triangles), np.int32)
-    slots = np.empty(len(mesh.loop_triangles), np.int32)
+    vertices, faces = np.empty(3 * len(mesh.vertices), np.float32), np.empty(3 * len(mesh.loop_triangles), np.int32)
+    slots, polygon = np.empty((2, len(mesh.loop_triangles)), np.int32)
     mesh.vertices.foreach_get("co", vertices)
     mesh.loop_triangles.foreach_get("vertices", faces)
     mesh.loop_triangles.foreach_get("material_index", slots)
     if not len(faces):
         raise ValueError(f"The object {name!r} has no faces; curves and points alone are no surface.")
+    mesh.loop_triangles.foreach_get("polygon_index", polygon)
     parts, part_of = _parts(mesh, slots, name)
     triangles = faces.reshape(-1, 3)[:, :: -1 if np.linalg.det(matrix[:3, :3]) < 0 else 1]
     world = vertices.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
-    return compact(sort_faces(make_mesh(world, triangles, part_of, parts)))
+    return compact(sort_faces(make_mesh(world, triangles, part_of, parts, pairs(polygon))))
 
 
 def _parts(mesh: Any, slots: np.ndarray, name: str) -> tuple[tuple[str, ...], np.ndarray]:

@@ -14,9 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dipcg.mesh import sort_triangles, triangulate
-
-Piece = tuple[str, np.ndarray, np.ndarray]
+from dipcg.mesh import Solid, pairs, sort_triangles, triangulate
 
 
 @contextlib.contextmanager
@@ -158,7 +156,7 @@ def find_node(graph: Any, name: str) -> Any:
     return next((node for node in graph.nodes if node.type == name), None) or next(groups)
 
 
-def read_socket(part: str, obj: Any, socket: Any) -> Piece:
+def read_socket(part: str, obj: Any, socket: Any) -> Solid:
     """The geometry at a socket within the graph of a `graph_object`, in place of the output of the whole graph."""
     graph = graph_of(obj)
     shown = graph.nodes.get("shown") or graph.nodes.new("GeometryNodeRealizeInstances")
@@ -168,8 +166,8 @@ def read_socket(part: str, obj: Any, socket: Any) -> Piece:
     return read_piece(part, evaluated(obj))
 
 
-def read_piece(part: str, obj: Any) -> Piece:
-    """A Blender object's mesh in world axes as (part, vertices, triangles), triangles in an order of our own.
+def read_piece(part: str, obj: Any) -> Solid:
+    """A Blender object's mesh in world axes, triangles in an order of our own, of which two are a quad.
 
     Blender lists the faces of one and the same mesh in an order that depends on memory addresses.
     """
@@ -181,5 +179,7 @@ def read_piece(part: str, obj: Any) -> Piece:
     mesh.loops.foreach_get("vertex_index", corners)
     mesh.polygons.foreach_get("loop_total", sizes)
     matrix = np.array(obj.matrix_basis, np.float32)
-    triangles, _ = sort_triangles(triangulate(sizes, corners)[0])
-    return part, vertices.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3], triangles
+    triangles, polygon = triangulate(sizes, corners)
+    triangles, order = sort_triangles(triangles)
+    quads = pairs(polygon[order].astype(np.int32))
+    return Solid(part, vertices.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3], triangles, quads)

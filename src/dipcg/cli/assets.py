@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import OmitArgPrefixes, Positional, UseAppendAction, arg
 
+from dipcg.generators import Detail
+
 if TYPE_CHECKING:
     from dipcg.export.asset import Asset
-    from dipcg.generators import Detail, Generator
+    from dipcg.generators import Generator
     from dipcg.mesh import Mesh
     from dipcg.space import Params
 
@@ -30,13 +32,15 @@ class Written:
     """The files to write."""
 
     output: Output
-    """mesh to write: .glb, .gltf, .obj, .ply, .stl, .usdz, .usda, .usdc or .blend"""
+    """mesh to write: .glb, .gltf, .obj, .ply, .stl, .usdz, .usd, .usda, .usdc or .blend"""
     params_out: Path | None = None
     """JSON file for the parameters"""
+    detail: Detail = "standard"
+    """full: all triangles and quads; standard: few triangles that look like all; light: a coarse mesh"""
     light: bool = False
-    """build the coarse mesh"""
+    """the same as --detail light"""
     faces: Annotated[int | None, arg(metavar="COUNT")] = None
-    """triangles to simplify to; all of them when left out"""
+    """triangles to simplify to; all of the detail when left out"""
     texture: Annotated[int | None, arg(metavar="PIXELS")] = None
     """side in pixels of texture maps that are baked from Infinigen's materials, for glTF and USD"""
     material_seed: int = 0
@@ -45,8 +49,9 @@ class Written:
     """print the result as JSON"""
 
     @property
-    def detail(self) -> Detail:
-        return "light" if self.light else "full"
+    def built(self) -> Detail:
+        """The detail to build; a mesh that is simplified to a number of triangles is built in full first."""
+        return "light" if self.light else "full" if self.faces else self.detail
 
     def check(self) -> None:
         """Raise ExportError for a file that could not be written, before any work is done."""
@@ -159,9 +164,9 @@ def _build_and_write(
 
     written.check()
     with BuildPool(generator) as pool:
-        asset = Asset(pool.build(params, written.detail), generator.ref, params)
+        asset = Asset(pool.build(params, written.built), generator.ref, params)
         if compared:
-            _draw_beside(pool.build(compared[0], written.detail), asset.mesh, generator, compared[1])
+            _draw_beside(pool.build(compared[0], written.built), asset.mesh, generator, compared[1])
     asset = written.finish(asset)
     asset.export(written.output)
     if written.params_out is not None:

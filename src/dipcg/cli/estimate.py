@@ -271,7 +271,7 @@ def _check_distinct(images: Sequence[Path], targets: Sequence[Path]) -> None:
 def _write(result: Result, inverter: Inverter, targets: Targets, written: Written) -> None:
     from dipcg.inference.preview import side_by_side
 
-    asset = written.finish(inverter.build(result.estimate.params, written.detail))
+    asset = written.finish(inverter.build(result.estimate.params, written.built))
     asset.export(targets.output)
     if targets.params:
         asset.save_params(targets.params)

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
-import numpy as np
-
+from dipcg.export.scene import Scene, compose, on_floor
 from dipcg.files import write_file, written
+from dipcg.materials import Finish, finishes
 from dipcg.mesh import Mesh, simplify
-from dipcg.render import PALETTE
 from dipcg.space import Params, params_to_json
-from dipcg.surface import Maps, Piece, pieces
+from dipcg.surface import Maps
 
-GLTF, USD, BLEND = (".glb", ".gltf"), (".usdz", ".usda", ".usdc"), ".blend"
+GLTF, USD, BLEND = (".glb", ".gltf"), (".usdz", ".usd", ".usda", ".usdc"), ".blend"
 FORMATS = (*GLTF, ".obj", ".ply", ".stl", *USD, BLEND)
 # The formats that hold texture maps.
 TEXTURED = (*GLTF, *USD)
@@ -37,7 +34,7 @@ class Asset:
     """A mesh with the parameters that made it, and the name or path of their generator.
 
     `maps` are the texture maps of `export.textures.texture`; `material_seed` chooses Infinigen's materials in a Blender
-    file.
+    file. `finishes` are the plain materials of the parts; by default they follow from the names of the parts.
     """
 
     mesh: Mesh
@@ -45,21 +42,33 @@ class Asset:
     params: Params
     maps: Maps | None = None
     material_seed: int = 0
+    finishes: tuple[Finish, ...] | None = None
+
+    @property
+    def name(self) -> str:
+        """The name of the generator, by which files call the asset."""
+        return Path(self.generator).stem
+
+    def scene(self, copies: bool = False) -> Scene:
+        """What a file holds; with `copies` each shape that has some is there once."""
+        plain = self.finishes or finishes(self.generator, self.mesh.part_names)
+        return compose(self.mesh, self.name, plain, self.maps, copies)
 
     def with_faces(self, faces: int) -> Asset:
         """The asset simplified to about this number of triangles at most; without maps."""
         return replace(self, mesh=simplify(self.mesh, faces, error=1.0), maps=None)
 
     def export(self, path: str | Path) -> Path:
-        """Write the asset in the format that the suffix names, in metres; glTF is Y up, the others Z up.
+        """Write the asset in the format that the suffix names, in metres, its middle over the origin.
 
+        It stands on the floor. PLY, STL and Blender files are Z up, the others Y up.
         A .blend starts Blender, which takes seconds. Raises ExportError with a sentence when the format is unknown or
         the file cannot be written, and workers.rpc.BlenderError.
         """
         path = check_target(path)
         try:
             with written(path) as unfinished:
-                _writer(path)(self, unfinished)
+                _write(self, unfinished)
         except OSError as error:
             raise ExportError(f"{path} cannot be written ({error.strerror or error}).") from None
         return path
@@ -108,60 +117,25 @@ def check_texture(size: int, path: Path) -> None:
         raise ExportError(f"Baking maps needs the module bpy: run {NEEDS[BLEND][1]}.")
 
 
-def _writer(path: Path) -> Callable[[Asset, Path], None]:
-    """The function that writes files of this ending."""
+def _write(asset: Asset, path: Path) -> None:
     suffix = path.suffix.lower()
     if suffix in GLTF:
-        return _write_gltf
-    if suffix in USD:
-        return _write_usd
-    return _write_blend if suffix == BLEND else _write_with_trimesh
+        from dipcg.export.gltf import write_gltf
 
+        write_gltf(asset.scene(copies=True), path)
+    elif suffix in USD:
+        from dipcg.export.usd import write_usd
 
-def _write_gltf(asset: Asset, path: Path) -> None:
-    from dipcg.export.gltf import write_gltf
+        write_usd(asset.scene(copies=True), path)
+    elif suffix == BLEND:
+        from dipcg.export.blend import write_blend
 
-    write_gltf(asset.mesh, path, asset.maps)
+        write_blend(asset.mesh, asset.generator, asset.params, asset.material_seed, path)
+    elif suffix == ".obj":
+        from dipcg.export.obj import write_obj
 
+        write_obj(asset.scene(), path)
+    else:
+        from dipcg.export.solids import write_ply, write_stl
 
-def _write_usd(asset: Asset, path: Path) -> None:
-    from dipcg.export.usd import write_usd
-
-    write_usd(asset.mesh, path, asset.maps)
-
-
-def _write_blend(asset: Asset, path: Path) -> None:
-    from dipcg.export.blend import write_blend
-
-    write_blend(asset.mesh, asset.generator, asset.params, asset.material_seed, path)
-
-
-def _write_with_trimesh(asset: Asset, path: Path) -> None:
-    """OBJ with materials; PLY and STL as one surface, without normals, so that neighbours share their vertices."""
-    import trimesh
-
-    mesh = asset.mesh
-    if path.suffix.lower() == ".obj":
-        scene = trimesh.Scene({piece.name: _with_material(piece) for piece in pieces(mesh)})
-        # trimesh's own name of the material file would be the same for every asset of a folder.
-        scene.export(path, mtl_name=f"{path.stem}.mtl", include_normals=True)
-        return
-    merged = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    merged.merge_vertices(digits_vertex=7)
-    # Slivers in bevels stay, because a closed surface would be open without them.
-    merged.update_faces((merged.faces != np.roll(merged.faces, 1, axis=1)).all(1))
-    merged.remove_unreferenced_vertices()
-    # PLY is written without attributes, because trimesh would look for texture coordinates among them.
-    merged.export(path, **{"include_attributes": False} if path.suffix.lower() == ".ply" else {})
-
-
-def _with_material(piece: Piece) -> Any:
-    import trimesh
-    from trimesh.visual import TextureVisuals
-    from trimesh.visual.material import SimpleMaterial
-
-    colour = np.append(np.rint(255 * PALETTE[piece.part % len(PALETTE)]), 255).astype(np.uint8)
-    material = SimpleMaterial(name=piece.name, diffuse=colour, ambient=colour, specular=[0, 0, 0, 255])
-    shape = trimesh.Trimesh(piece.vertices, piece.faces, vertex_normals=piece.normals, process=False)
-    shape.visual = TextureVisuals(material=material)
-    return shape
+        {".ply": write_ply, ".stl": write_stl}[suffix](on_floor(asset.mesh), path)

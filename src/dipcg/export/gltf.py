@@ -1,4 +1,4 @@
-"""Assets as glTF 2.0, binary or with the data inside the JSON: Y up, metres, a mesh and a material for each part."""
+"""Assets as glTF 2.0, binary or with the data inside the JSON: Y up, metres, a root node with a node for each part."""
 
 from __future__ import annotations
 
@@ -10,58 +10,94 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
-from dipcg.mesh import Mesh
-from dipcg.render import PALETTE
-from dipcg.surface import Maps, Piece, pieces
+from dipcg.copies import Places
+from dipcg.export.scene import Scene, places_y_up, y_up
+from dipcg.materials import Finish, linear
+from dipcg.pieces import Piece, split
+from dipcg.surface import Maps
 
 # Numbers of the specification: the component types of 32-bit reals and unsigned 32-bit integers, the targets of buffer
 # views, and the filters of a sampler.
 FLOAT, INDEX = 5126, 5125
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 LINEAR, MIPMAPS = 9729, 9987
+INSTANCING = "EXT_mesh_gpu_instancing"
 
 
-def write_gltf(mesh: Mesh, path: Path, maps: Maps | None = None) -> None:
-    """Write .glb, or .gltf as one file; with maps all parts share one textured material.
+def write_gltf(scene: Scene, path: Path, gpu_instancing: bool = False) -> None:
+    """Write .glb, or .gltf as one file; a shape with copies is one mesh with a node for each copy.
 
-    Source: the specification of glTF 2.0, Khronos 2021. Raises OSError.
+    With `gpu_instancing` all copies are one node with the extension `EXT_mesh_gpu_instancing`, which not every viewer
+    knows. Source: the specification of glTF 2.0, Khronos 2021. Raises OSError.
     """
-    document = _Document()
-    shared = document.add_textured(maps) if maps else None
-    for piece in pieces(mesh, maps):
-        document.add_part(piece, document.add_plain(piece) if shared is None else shared)
+    document = _Document(gpu_instancing)
+    document.add_scene(scene)
     path.write_bytes(document.as_glb() if path.suffix.lower() == ".glb" else document.as_gltf())
 
 
-def linear(srgb: Float[np.ndarray, "*c"]) -> Float[np.ndarray, "*c"]:
-    """Colours in [0, 1] from sRGB (IEC 61966-2-1) to linear, as materials have them."""
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+def glb(scene: Scene) -> bytes:
+    """The content of a .glb."""
+    document = _Document(gpu_instancing=False)
+    document.add_scene(scene)
+    return document.as_glb()
 
 
 class _Document:
     """The JSON of a file and the bytes that it points into."""
 
-    def __init__(self) -> None:
+    def __init__(self, gpu_instancing: bool) -> None:
         self.bytes = bytearray()
         names = ("bufferViews", "accessors", "images", "samplers", "textures", "materials", "meshes", "nodes")
         self.lists: dict[str, list[dict[str, Any]]] = {name: [] for name in names}
+        self.gpu_instancing = gpu_instancing
+        self.extensions: set[str] = set()
 
-    def add_part(self, piece: Piece, material: int) -> None:
-        attributes = {"POSITION": self._vectors(_y_up(piece.vertices), bounds=True)}
-        attributes["NORMAL"] = self._vectors(_y_up(piece.normals))
-        if piece.uv is not None:
-            # The origin of glTF is the upper left corner.
-            attributes["TEXCOORD_0"] = self._vectors(np.column_stack([piece.uv[:, 0], 1 - piece.uv[:, 1]]))
-        primitive = {"attributes": attributes, "indices": self._indices(piece.faces), "material": material}
+    def add_scene(self, scene: Scene) -> None:
+        """A root node with a node for each piece; pieces of one part share their material."""
+        root = self._add("nodes", {"name": scene.name, "children": []})
+        shared, plain = self.add_textured(scene.maps) if scene.maps else None, dict[int, int]()
+        for piece in scene.pieces:
+            if shared is None and piece.part not in plain:
+                plain[piece.part] = self.add_plain(scene.finish(piece))
+            material = plain[piece.part] if shared is None else shared
+            self.lists["nodes"][root]["children"].append(self.add_piece(piece, material))
+
+    def add_piece(self, piece: Piece, material: int) -> int:
+        """The node of a piece: with its mesh, or with a child for each copy of it."""
+        shape = split(piece)
+        attributes = {"POSITION": self._vectors(y_up(shape.vertices), bounds=True)}
+        attributes["NORMAL"] = self._vectors(y_up(shape.normals))
+        # The origin of glTF is the upper left corner.
+        attributes["TEXCOORD_0"] = self._vectors(shape.uv * [1, -1] + [0, 1])
+        primitive = {"attributes": attributes, "indices": self._indices(shape.faces), "material": material}
         mesh = self._add("meshes", {"name": piece.name, "primitives": [primitive]})
-        self._add("nodes", {"name": piece.name, "mesh": mesh})
+        if piece.places is None:
+            return self._add("nodes", {"name": piece.name, "mesh": mesh})
+        if self.gpu_instancing:
+            return self._add("nodes", {"name": piece.name, "mesh": mesh} | self._instancing(piece.places))
+        return self._add("nodes", {"name": piece.name, "children": self._copies(piece, mesh)})
 
-    def add_plain(self, piece: Piece) -> int:
-        colour = [*linear(PALETTE[piece.part % len(PALETTE)]).tolist(), 1.0]
-        surface = {"baseColorFactor": colour, "metallicFactor": 0.0, "roughnessFactor": 0.7}
-        return self._add("materials", {"name": piece.name, "pbrMetallicRoughness": surface, "doubleSided": True})
+    def _copies(self, piece: Piece, mesh: int) -> list[int]:
+        assert piece.places is not None
+        every = zip(*_as_nodes(piece.places), strict=True)
+        keys = ("translation", "rotation", "scale")
+        return [
+            self._add("nodes", {"name": f"{piece.name}_{number}", "mesh": mesh} | dict(zip(keys, values, strict=True)))
+            for number, values in enumerate(every, 1)
+        ]
+
+    def _instancing(self, places: Places) -> dict[str, Any]:
+        self.extensions.add(INSTANCING)
+        keys = ("TRANSLATION", "ROTATION", "SCALE")
+        columns = zip(keys, _as_nodes(places), strict=True)
+        attributes = {key: self._vectors(np.array(values), target=None) for key, values in columns}
+        return {"extensions": {INSTANCING: {"attributes": attributes}}}
+
+    def add_plain(self, finish: Finish) -> int:
+        colour = [*linear(np.array(finish.colour)).tolist(), 1.0]
+        surface = {"baseColorFactor": colour, "metallicFactor": finish.metallic, "roughnessFactor": finish.roughness}
+        return self._add("materials", {"name": finish.name, "pbrMetallicRoughness": surface, "doubleSided": True})
 
     def add_textured(self, maps: Maps) -> int:
         self._add("samplers", {"magFilter": LINEAR, "minFilter": MIPMAPS})
@@ -86,7 +122,8 @@ class _Document:
 
     def _json(self, buffer: dict[str, str]) -> dict[str, Any]:
         top = {"asset": {"version": "2.0", "generator": "dipcg"}, "scene": 0}
-        top["scenes"] = [{"nodes": list(range(len(self.lists["nodes"])))}]
+        top["scenes"] = [{"nodes": [0]}]
+        top |= {"extensionsUsed": sorted(self.extensions)} if self.extensions else {}
         top["buffers"] = [{"byteLength": len(self.bytes)} | buffer]
         return top | {name: entries for name, entries in self.lists.items() if entries}
 
@@ -99,9 +136,9 @@ class _Document:
         self.bytes += content + b"\0" * (-len(content) % 4)
         return self._add("bufferViews", view)
 
-    def _vectors(self, values: np.ndarray, bounds: bool = False) -> int:
+    def _vectors(self, values: np.ndarray, bounds: bool = False, target: int | None = ARRAY_BUFFER) -> int:
         values = np.ascontiguousarray(values, "<f4")
-        view = self._view(values.tobytes(), target=ARRAY_BUFFER)
+        view = self._view(values.tobytes(), **{} if target is None else {"target": target})
         entry = {"bufferView": view, "componentType": FLOAT, "count": len(values), "type": f"VEC{values.shape[1]}"}
         limits = {"min": values.min(0).tolist(), "max": values.max(0).tolist()} if bounds else {}
         return self._add("accessors", entry | limits)
@@ -126,5 +163,15 @@ def png(image: np.ndarray) -> bytes:
     return file.getvalue()
 
 
-def _y_up(vectors: np.ndarray) -> np.ndarray:
-    return np.column_stack([vectors[:, 0], vectors[:, 2], -vectors[:, 1]])
+def _as_nodes(places: Places) -> tuple[list[list[float]], list[list[float]], list[list[float]]]:
+    """Translations, rotations as quaternions (x, y, z, w), and scales, with Y up."""
+    from scipy.spatial.transform import Rotation
+
+    turned = places_y_up(places)
+    quaternions = Rotation.from_matrix(turned.rotation).as_quat()
+    return _short(turned.translation), _short(quaternions), _short(turned.scale)
+
+
+def _short(values: np.ndarray) -> list[list[float]]:
+    """The values with seven digits, which are as many as a 32-bit real has."""
+    return [[float(f"{value:.7g}") for value in row] for row in values]

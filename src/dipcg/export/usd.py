@@ -1,4 +1,4 @@
-"""Assets as USD through usd-core: Z up, metres, a mesh and a UsdPreviewSurface for each part."""
+"""Assets as USD through usd-core: Y up, metres, under one root a mesh and a UsdPreviewSurface for each part."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from dipcg.export.gltf import linear, png
-from dipcg.mesh import Mesh
-from dipcg.render import PALETTE
-from dipcg.surface import Maps, Piece, pieces
+from dipcg.export.gltf import png
+from dipcg.export.scene import Scene, places_y_up, y_up
+from dipcg.materials import Finish, linear
+from dipcg.pieces import Piece, polygons
+from dipcg.surface import Maps
 
 # pyright: reportAttributeAccessIssue=false
 # USD's modules are compiled and have no types.
@@ -28,27 +29,31 @@ MAPS = {
 }
 
 
-def write_usd(mesh: Mesh, path: Path, maps: Maps | None = None) -> None:
-    """Write .usda or .usdc, with maps as PNG files beside it, or .usdz with all in one file.
+def write_usd(scene: Scene, path: Path) -> None:
+    """Write .usda, .usdc or .usd, with maps as PNG files beside it, or .usdz with all in one file.
 
-    Raises OSError when a file cannot be written.
+    A shape with copies is one mesh that instanceable prims refer to. Raises OSError when a file cannot be written.
     """
     if path.suffix.lower() == ".usdz":
-        return _write_package(mesh, path, maps)
-    files = _write_maps(maps, path) if maps else {}
-    stage = _stage()
-    shared = _textured(stage, files) if files else None
-    for piece, name in _named(mesh, maps):
-        _add_part(stage, piece, name, shared or _plain(stage, piece, name))
+        return _write_package(scene, path)
+    files = _write_maps(scene.maps, path) if scene.maps else {}
+    stage, root = _stage(scene.name)
+    shared = _textured(stage, f"{root}/materials", files) if files else None
+    plain: dict[int, Any] = {}
+    for piece, name in _named(scene):
+        finish = scene.finish(piece)
+        material = shared or plain.get(piece.part) or _plain(stage, f"{root}/materials", finish)
+        plain[piece.part] = material
+        _add_piece(stage, f"{root}/{name}", piece, material)
     _save(stage.GetRootLayer().Export, path)
 
 
-def _write_package(mesh: Mesh, path: Path, maps: Maps | None) -> None:
+def _write_package(scene: Scene, path: Path) -> None:
     from pxr import Sdf, UsdUtils
 
     with tempfile.TemporaryDirectory() as folder:
-        layer = Path(folder) / "asset.usdc"
-        write_usd(mesh, layer, maps)
+        layer = Path(folder) / f"{_identifier(scene.name)}.usdc"
+        write_usd(scene, layer)
         _save(partial(UsdUtils.CreateNewUsdzPackage, Sdf.AssetPath(str(layer))), path)
 
 
@@ -64,63 +69,89 @@ def _save(save: Callable[[str], bool], path: Path) -> None:
         raise OSError(errno.EIO, "USD could not write it; is the disk full?", str(path))
 
 
-def _stage() -> Any:
-    from pxr import Usd, UsdGeom
+def _stage(name: str) -> tuple[Any, str]:
+    """An empty stage, and the path of its root prim."""
+    from pxr import Kind, Usd, UsdGeom
 
     stage = Usd.Stage.CreateInMemory()
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    root = UsdGeom.Xform.Define(stage, "/asset")
+    root = UsdGeom.Xform.Define(stage, f"/{_identifier(name)}")
+    Usd.ModelAPI(root).SetKind(Kind.Tokens.component)
     stage.SetDefaultPrim(root.GetPrim())
-    UsdGeom.Scope.Define(stage, "/asset/materials")
-    return stage
+    UsdGeom.Scope.Define(stage, f"{root.GetPath()}/materials")
+    return stage, str(root.GetPath())
 
 
-def _named(mesh: Mesh, maps: Maps | None) -> list[tuple[Piece, str]]:
-    """The pieces with names that are valid in USD."""
+def _identifier(name: str) -> str:
     from pxr import Tf
 
-    from dipcg.surface import unique_names
-
-    every = list(pieces(mesh, maps))
-    names = ["materials", *(Tf.MakeValidIdentifier(piece.name) for piece in every)]
-    return list(zip(every, unique_names(tuple(names))[1:], strict=True))
+    return Tf.MakeValidIdentifier(name)
 
 
-def _add_part(stage: Any, piece: Piece, name: str, material: Any) -> None:
+def _named(scene: Scene) -> list[tuple[Piece, str]]:
+    """The pieces with names that are valid in USD."""
+    from dipcg.pieces import unique_names
+
+    names = ["materials", *(_identifier(piece.name) for piece in scene.pieces)]
+    return list(zip(scene.pieces, unique_names(tuple(names))[1:], strict=True))
+
+
+def _add_piece(stage: Any, path: str, piece: Piece, material: Any) -> None:
+    """A mesh, or a class with the mesh and a prim for each copy, which inherits the class and can be instanced."""
+    from pxr import Gf, Sdf, UsdGeom
+
+    if piece.places is None:
+        return _add_mesh(stage, path, piece, material)
+    UsdGeom.Xform.Define(stage, path)
+    shape = UsdGeom.Xform.Define(stage, f"{path}/shape").GetPrim()
+    shape.SetSpecifier(Sdf.SpecifierClass)
+    _add_mesh(stage, f"{path}/shape/mesh", piece, material)
+    name = path.rpartition("/")[2]
+    for number, matrix in enumerate(places_y_up(piece.places).matrices(), 1):
+        copy = UsdGeom.Xform.Define(stage, f"{path}/{name}_{number}")
+        copy.AddTransformOp().Set(Gf.Matrix4d(matrix.T.tolist()))
+        copy.GetPrim().GetInherits().AddInherit(shape.GetPath())
+        copy.GetPrim().SetInstanceable(True)
+
+
+def _add_mesh(stage: Any, path: str, piece: Piece, material: Any) -> None:
     from pxr import Gf, Sdf, UsdGeom, UsdShade, Vt
 
-    shape = UsdGeom.Mesh.Define(stage, f"/asset/{name}")
-    shape.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(piece.vertices))
-    shape.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(piece.faces), 3, np.int32)))
-    shape.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(piece.faces.ravel()))
-    shape.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(piece.normals))
-    shape.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    shape, points = UsdGeom.Mesh.Define(stage, path), y_up(piece.vertices)
+    sizes, corners = polygons(piece.faces, piece.quads)
+    shape.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(points, np.float32)))
+    shape.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(sizes.astype(np.int32)))
+    shape.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(piece.faces.ravel()[corners]))
+    normals = np.ascontiguousarray(y_up(piece.normals).reshape(-1, 3)[corners], np.float32)
+    shape.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals))
+    shape.SetNormalsInterpolation(UsdGeom.Tokens.faceVarying)
     shape.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     shape.CreateDoubleSidedAttr(True)
-    shape.CreateExtentAttr([Gf.Vec3f(*map(float, end)) for end in (piece.vertices.min(0), piece.vertices.max(0))])
-    if piece.uv is not None:
-        kind = Sdf.ValueTypeNames.TexCoord2fArray
-        places = UsdGeom.PrimvarsAPI(shape).CreatePrimvar("st", kind, UsdGeom.Tokens.vertex)
-        places.Set(Vt.Vec2fArray.FromNumpy(piece.uv))
+    shape.CreateExtentAttr([Gf.Vec3f(*map(float, end)) for end in (points.min(0), points.max(0))])
+    kind = Sdf.ValueTypeNames.TexCoord2fArray
+    places = UsdGeom.PrimvarsAPI(shape).CreatePrimvar("st", kind, UsdGeom.Tokens.faceVarying)
+    places.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(piece.uv.reshape(-1, 2)[corners], np.float32)))
     UsdShade.MaterialBindingAPI.Apply(shape.GetPrim()).Bind(material)
 
 
-def _plain(stage: Any, piece: Piece, name: str) -> Any:
+def _plain(stage: Any, folder: str, finish: Finish) -> Any:
     from pxr import Gf, Sdf
 
-    material, shader = _material(stage, name)
-    colour = Gf.Vec3f(*linear(PALETTE[piece.part % len(PALETTE)]).tolist())
-    shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(colour)
-    shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.7)
+    material, shader = _material(stage, f"{folder}/{_identifier(finish.name)}")
+    shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(
+        Gf.Vec3f(*linear(np.array(finish.colour)).tolist())
+    )
+    shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(finish.roughness)
+    shader.CreateInput("metallic", Sdf.ValueTypeNames.Float).Set(finish.metallic)
     return material
 
 
-def _material(stage: Any, name: str) -> tuple[Any, Any]:
+def _material(stage: Any, path: str) -> tuple[Any, Any]:
     from pxr import UsdShade
 
-    material = UsdShade.Material.Define(stage, f"/asset/materials/{name}")
-    shader = _shader(stage, f"/asset/materials/{name}/surface", "UsdPreviewSurface")
+    material = UsdShade.Material.Define(stage, path)
+    shader = _shader(stage, f"{path}/surface", "UsdPreviewSurface")
     material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
     return material, shader
 
@@ -133,33 +164,33 @@ def _shader(stage: Any, path: str, kind: str) -> Any:
     return shader
 
 
-def _textured(stage: Any, files: dict[str, str]) -> Any:
+def _textured(stage: Any, folder: str, files: dict[str, str]) -> Any:
     from pxr import Sdf
 
     types = Sdf.ValueTypeNames
-    material, surface = _material(stage, "baked")
-    reader = _shader(stage, "/asset/materials/baked/st", "UsdPrimvarReader_float2")
+    material, surface = _material(stage, f"{folder}/baked")
+    reader = _shader(stage, f"{folder}/baked/st", "UsdPrimvarReader_float2")
     reader.CreateInput("varname", types.String).Set("st")
     reader.CreateOutput("result", types.Float2)
     for name, file in files.items():
         target, kind, output, space = MAPS[name]
-        texture = _texture(stage, name, file, space)
+        texture = _texture(stage, f"{folder}/baked/{name}", file, space)
         texture.CreateInput("st", types.Float2).ConnectToSource(reader.ConnectableAPI(), "result")
         texture.CreateOutput(output, types.Float if output == "r" else types.Float3)
         surface.CreateInput(target, getattr(types, kind)).ConnectToSource(texture.ConnectableAPI(), output)
     return material
 
 
-def _texture(stage: Any, name: str, file: str, space: str) -> Any:
+def _texture(stage: Any, path: str, file: str, space: str) -> Any:
     from pxr import Gf, Sdf
 
     types = Sdf.ValueTypeNames
-    texture = _shader(stage, f"/asset/materials/baked/{name}", "UsdUVTexture")
+    texture = _shader(stage, path, "UsdUVTexture")
     texture.CreateInput("file", types.Asset).Set(Sdf.AssetPath(file))
     texture.CreateInput("sourceColorSpace", types.Token).Set(space)
     for wrap in ("wrapS", "wrapT"):
         texture.CreateInput(wrap, types.Token).Set("repeat")
-    if name == "normal":
+    if path.endswith("/normal"):
         # From [0, 1] to [-1, 1].
         texture.CreateInput("scale", types.Float4).Set(Gf.Vec4f(2, 2, 2, 1))
         texture.CreateInput("bias", types.Float4).Set(Gf.Vec4f(-1, -1, -1, 0))

@@ -24,7 +24,7 @@ still differ between builds, by far less than a micrometre.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
@@ -35,11 +35,12 @@ from jaxtyping import Float, Int64
 from dipcg import registry
 from dipcg.blender.declaration import read_declaration
 from dipcg.camera import ViewGrid, ViewRange
+from dipcg.detail import standard
 from dipcg.labels import labelled
 from dipcg.mesh import Mesh, make_mesh, simplify
 from dipcg.space import ParameterSpace, Params
 
-Detail = Literal["full", "light"]
+Detail = Literal["light", "standard", "full"]
 LIGHT_FACES = 3500
 
 
@@ -97,8 +98,9 @@ class Generator:
 
         Raises ValueError for an unusable mesh, and whatever the generator raises.
         """
-        if detail == "full":
-            return as_mesh(self.build_full(params))
+        if detail != "light":
+            full = as_mesh(self.build_full(params))
+            return full if detail == "full" else standard(full)
         return simplify(as_mesh((self.build_light or self.build_full)(params)), self.light_faces)
 
 
@@ -125,7 +127,7 @@ def load_generator(ref: str) -> Generator:
 def as_mesh(built: Any) -> Mesh:
     """What a build may return, as a checked mesh: a `Mesh`, a trimesh, or (vertices, faces)."""
     if isinstance(built, Mesh):
-        return make_mesh(built.vertices, built.faces, built.parts, built.part_names)
+        return make_mesh(**{field.name: getattr(built, field.name) for field in fields(Mesh)})
     if hasattr(built, "vertices") and hasattr(built, "faces"):
         return make_mesh(built.vertices, built.faces)
     vertices, faces = built

@@ -114,7 +114,7 @@ def _subtract(solid: Any, cutter: Any) -> Any:
 def _solid(obj: Any, socket: Any) -> Any:
     import manifold3d
 
-    _, vertices, faces = read_socket("frame", obj, socket)
+    _, vertices, faces, *_ = read_socket("frame", obj, socket)
     solid = manifold3d.Manifold(manifold3d.Mesh(np.ascontiguousarray(vertices), faces.astype(np.uint32)))
     # Triangles in one plane are merged, because each of them would be cut alone.
     return solid.simplify(0.0)

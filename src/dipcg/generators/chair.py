@@ -24,7 +24,6 @@ from typing import Any
 import numpy as np
 
 from dipcg.blender.infinigen import (
-    Piece,
     clean_blender,
     coarse_modifiers,
     import_infinigen,
@@ -35,7 +34,7 @@ from dipcg.blender.infinigen import (
 )
 from dipcg.blender.polylines import dissolve_straight, every_other_point
 from dipcg.camera import ViewRange
-from dipcg.mesh import Mesh, join
+from dipcg.mesh import Mesh, Solid, join
 from dipcg.space import Choice, ParameterSpace, Params, Real
 
 _SLANTED = {"leg_type": ("straight", "up-curved", "down-curved")}
@@ -225,7 +224,7 @@ def _build(params: Params, detail: contextlib.AbstractContextManager[None]) -> M
         return join(list(_pieces(factory, params)))
 
 
-def _pieces(factory: Any, p: Params) -> Iterator[Piece]:
+def _pieces(factory: Any, p: Params) -> Iterator[Solid]:
     """The parts, in an order in which bars and panels get the centre lines of limbs that have no thickness yet."""
     seat, legs, backs = factory.make_seat(), factory.make_legs(), factory.make_backs()
     bars = [*_bars(factory, legs, "x", p), *_bars(factory, legs, "y", p)]

@@ -31,7 +31,6 @@ from typing import Any
 import numpy as np
 
 from dipcg.blender.infinigen import (
-    Piece,
     find_node,
     graph_object,
     graph_of,
@@ -43,7 +42,7 @@ from dipcg.blender.infinigen import (
     silence,
 )
 from dipcg.camera import ViewRange
-from dipcg.mesh import Mesh, join, simplify
+from dipcg.mesh import Mesh, Solid, join, numbered, simplify
 from dipcg.space import Choice, ParameterSpace, Params, Real
 
 _SPARSE = {"flower_mode": ("sparse_flower",)}
@@ -130,7 +129,7 @@ def build_light(params: Params) -> Mesh:
     return join(list(_pieces(params, light=True)))
 
 
-def _pieces(p: Any, light: bool) -> Iterator[Piece]:
+def _pieces(p: Any, light: bool) -> Iterator[Solid]:
     obj, *seeds = prepare()
     graph = graph_of(obj)
     _set_stem(graph, p, 8 if light else 32)
@@ -138,14 +137,13 @@ def _pieces(p: Any, light: bool) -> Iterator[Piece]:
     obj.update_tag()
     yield read_socket("stem", obj, find_node(graph, "nodegroup_stem_geometry").outputs[0])
     # The core has faces, and the frames are the vertices without a face, four for each.
-    _, vertices, faces = read_socket("head", obj, find_node(graph, "nodegroup_flower_on_stem").outputs[0])
+    _, vertices, faces, quads, _ = read_socket("head", obj, find_node(graph, "nodegroup_flower_on_stem").outputs[0])
     in_core = np.zeros(len(vertices), bool)
     in_core[faces] = True
     frames = vertices[~in_core].reshape(-1, 4, 3)
-    yield "core", vertices[in_core], _facing_outwards(vertices[in_core], (np.cumsum(in_core) - 1)[faces])
+    yield Solid("core", vertices[in_core], _facing_outwards(vertices[in_core], (np.cumsum(in_core) - 1)[faces]), quads)
     if len(frames):
-        vertices, faces = seeds[light]
-        yield "seed", *_instances(vertices, faces, frames)
+        yield _instances(seeds[light], frames)
 
 
 def _facing_outwards(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -166,12 +164,15 @@ def _place_axes(obj: Any) -> None:
     graph.links.new(group_input, find_node(graph, "nodegroup_flower_geometry").inputs["Instance"])
 
 
-def _instances(vertices: np.ndarray, faces: np.ndarray, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Copies of a mesh, one in each frame `4 3`: the images of its origin and of its three unit vectors."""
+def _instances(seed: Solid, frames: np.ndarray) -> Solid:
+    """Copies of a seed, one in each frame `4 3`: the images of its origin and of its three unit vectors."""
     origins, axes = frames[:, :1], frames[:, 1:] - frames[:, :1]
-    turned = faces if np.linalg.det(axes[0]) > 0 else faces[:, ::-1]
-    starts = np.arange(len(frames), dtype=np.int32) * np.int32(len(vertices))
-    return (vertices @ axes + origins).reshape(-1, 3), (starts[:, None, None] + turned).reshape(-1, 3)
+    turned = seed.faces if np.linalg.det(axes[0]) > 0 else seed.faces[:, ::-1]
+    number = np.arange(len(frames), dtype=np.int32)
+    faces = (number[:, None, None] * np.int32(len(seed.vertices)) + turned).reshape(-1, 3)
+    quads = None if seed.quads is None else numbered([seed.quads] * len(frames), [len(turned)] * len(frames))
+    vertices = (seed.vertices @ axes + origins).reshape(-1, 3)
+    return Solid(seed.part, vertices, faces, quads, np.repeat(number, len(turned)))
 
 
 def _set_stem(graph: Any, p: Any, sides: int) -> None:
@@ -212,15 +213,15 @@ def _set_value(node: Any, value: float) -> None:
 # The seed, the same for all heads, with its foot at the origin
 
 
-def _full_seed(seed: Any) -> tuple[np.ndarray, np.ndarray]:
+def _full_seed(seed: Any) -> Solid:
     """Infinigen's seed, whose thorns and round top have fewer sides."""
     tree = graph_of(seed)
     set_node(find_node(_tree(tree, "end_geometry"), "MESH_PRIMITIVE_CONE"), {"Vertices": 4})
     set_node(find_node(_tree(tree, "head_geometry"), "MESH_PRIMITIVE_UV_SPHERE"), {"Segments": 12, "Rings": 6})
-    return read_socket("seed", seed, find_node(tree, "JOIN_GEOMETRY").outputs[0])[1:]
+    return read_socket("seed", seed, find_node(tree, "JOIN_GEOMETRY").outputs[0])
 
 
-def _light_seed(seed: Any) -> tuple[np.ndarray, np.ndarray]:
+def _light_seed(seed: Any) -> Solid:
     """A seed with a stalk of three sides, a body of four sides without thorns, and a blade for each filament."""
     tree = graph_of(seed)
     set_node(find_node(_tree(tree, "geometry"), "CURVE_PRIMITIVE_QUADRATIC_BEZIER"), {"Resolution": 3})
@@ -231,7 +232,7 @@ def _light_seed(seed: Any) -> tuple[np.ndarray, np.ndarray]:
     straight = simplify(join([stalk]), faces=8)
     tuft = _blades(filaments[1].reshape(_FILAMENTS, -1, 4, 3))
     light = join([("seed", straight.vertices, straight.faces), body, ("seed", *tuft)])
-    return light.vertices, light.faces
+    return Solid("seed", light.vertices, light.faces)
 
 
 def _blades(tubes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -254,7 +255,7 @@ def _blades(tubes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return corners.reshape(-1, 3), np.arange(3 * len(lines)).reshape(-1, 3)
 
 
-def _read_part(seed: Any, name: str) -> Piece:
+def _read_part(seed: Any, name: str) -> Solid:
     return read_socket("seed", seed, find_node(graph_of(seed), f"nodegroup_petal_stem_{name}").outputs[0])
 
 

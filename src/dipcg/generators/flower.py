@@ -25,7 +25,6 @@ from typing import Any
 import numpy as np
 
 from dipcg.blender.infinigen import (
-    Piece,
     evaluated,
     find_node,
     graph_object,
@@ -38,7 +37,7 @@ from dipcg.blender.infinigen import (
     silence,
 )
 from dipcg.camera import ViewRange
-from dipcg.mesh import Mesh, join
+from dipcg.mesh import Mesh, Solid, join
 from dipcg.space import ParameterSpace, Params, Real
 
 space = ParameterSpace(
@@ -111,13 +110,13 @@ def _build(p: Any, light: bool) -> Mesh:
     return join([_mirrored(piece) for piece in pieces] if p["min_angle"] > p["max_angle"] else pieces)
 
 
-def _petals(inputs: dict[str, Any]) -> Piece:
+def _petals(inputs: dict[str, Any]) -> Solid:
     obj = prepare()["petal"]
     set_inputs(obj, inputs)
     return read_piece("petal", evaluated(obj))
 
 
-def _centre(inputs: dict[str, Any], light: bool) -> Piece:
+def _centre(inputs: dict[str, Any], light: bool) -> Solid:
     """The centre with its seeds, which in Infinigen are 10 times as long as their radius and 1.5 times as far apart."""
     obj, size, bed = prepare()["centre"], inputs["Seed Size"], inputs["Center Rad"]
     coarse = light and size < _COARSE_BELOW * bed
@@ -132,9 +131,9 @@ def _centre(inputs: dict[str, Any], light: bool) -> Piece:
     return read_piece("centre", evaluated(obj))
 
 
-def _mirrored(piece: Piece) -> Piece:
-    part, vertices, faces = piece
-    return part, vertices * np.array([-1, 1, 1], np.float32), faces[:, ::-1]
+def _mirrored(piece: Solid) -> Solid:
+    mirrored = piece.vertices * np.array([-1, 1, 1], np.float32)
+    return piece._replace(vertices=mirrored, faces=piece.faces[:, ::-1])
 
 
 def _source_node(node: Any, name: str) -> Any:

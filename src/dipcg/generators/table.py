@@ -31,7 +31,6 @@ import numpy as np
 
 from dipcg.blender.caps import recapped
 from dipcg.blender.infinigen import (
-    Piece,
     evaluated,
     find_node,
     graph_object,
@@ -43,7 +42,7 @@ from dipcg.blender.infinigen import (
     silence,
 )
 from dipcg.camera import ViewRange
-from dipcg.mesh import Mesh, join, simplify
+from dipcg.mesh import Mesh, Solid, join, simplify
 from dipcg.space import Choice, ParameterSpace, Params, Real
 
 _STANDS = {"leg_style": ("single-stand",)}
@@ -170,12 +169,11 @@ def _build(p: Any, light: bool) -> Mesh:
     return join([_raised(top, p["leg_height"] * space_below + excess), *legs])
 
 
-def _raised(piece: Piece, height: float) -> Piece:
-    part, vertices, faces = piece
-    return part, vertices + np.array([0, 0, height], np.float32), faces
+def _raised(piece: Solid, height: float) -> Solid:
+    return piece._replace(vertices=piece.vertices + np.array([0, 0, height], np.float32))
 
 
-def _pieces(p: Any, light: bool) -> Iterator[Piece]:
+def _pieces(p: Any, light: bool) -> Iterator[Solid]:
     top, legs = prepare()[0], prepare()[1][p["leg_style"]]
     set_inputs(top, _top(p))
     set_node(find_node(graph_of(top), "FILLET_CURVE"), {"Count": 1 if light else 8})
@@ -187,9 +185,9 @@ def _pieces(p: Any, light: bool) -> Iterator[Piece]:
         yield read_piece(part, evaluated(legs))
 
 
-def _simplified(piece: Piece) -> Piece:
+def _simplified(piece: Solid) -> Solid:
     coarse = simplify(join([piece]), _TOP_FACES, error=0.0001)
-    return piece[0], coarse.vertices, coarse.faces
+    return Solid(piece.part, coarse.vertices, coarse.faces)
 
 
 def _has_stretchers(p: Any) -> bool:

@@ -32,7 +32,7 @@ from dipcg.blender.infinigen import (
     silence,
 )
 from dipcg.camera import ViewRange
-from dipcg.mesh import Mesh, make_mesh
+from dipcg.mesh import Mesh, join
 from dipcg.space import Choice, ParameterSpace, Params, Real
 
 space = ParameterSpace(
@@ -102,8 +102,8 @@ def _build(params: Params, levels: int, wall: bool) -> Mesh:
     obj.modifiers["smooth"].levels = levels
     obj.modifiers["wall"].show_viewport = wall
     with silence():
-        _, vertices, faces = read_piece("body", evaluated(obj))
-    return make_mesh(vertices[:, [1, 0, 2]] * [1, -1, 1], faces)
+        body = read_piece("body", evaluated(obj))
+    return join([body._replace(vertices=body.vertices[:, [1, 0, 2]] * [1, -1, 1])])
 
 
 def _inputs(p: Any) -> dict[str, float]:

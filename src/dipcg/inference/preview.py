@@ -11,9 +11,10 @@ from jaxtyping import UInt8
 
 from dipcg.camera import View
 from dipcg.images import MARGIN, over_white, prepare, save_image
+from dipcg.materials import PALETTE
 from dipcg.mesh import Mesh
 from dipcg.pipeline import Estimate
-from dipcg.render import PALETTE, Look, Renderer
+from dipcg.render import Look, Renderer
 
 Tile = UInt8[np.ndarray, "s s 3"]
 SIDE = 384

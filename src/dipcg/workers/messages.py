@@ -126,8 +126,8 @@ def _array(arrays: io.BytesIO, dtype: str, shape: list[int]) -> np.ndarray:
     return np.frombuffer(arrays.read(size), dtype).reshape(shape).copy()
 
 
-def _mesh(vertices: Any, faces: Any, parts: Any, part_names: list[str]) -> Mesh:
-    return make_mesh(vertices, faces, parts, tuple(map(str, part_names)))
+def _mesh(part_names: list[str], **arrays: Any) -> Mesh:
+    return make_mesh(part_names=tuple(map(str, part_names)), **arrays)
 
 
 _MAKE: dict[str, Callable[..., Any]] = {Mesh.__name__: _mesh, Maps.__name__: make_maps, View.__name__: View}

@@ -1,0 +1,65 @@
+"""Standard detail: the full surface with far fewer triangles, and with its normals.
+
+A flat or evenly bent surface needs few triangles, and the normals of the full surface make up for the rest. Copies are
+simplified once and stay copies. Edges survive, because moving them would cost more than the tolerance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float32
+
+from dipcg.copies import Copies, find_copies, without_copies
+from dipcg.mesh import Mesh, Solid, chosen, compact, join, simplify_parts, weld
+from dipcg.surface import corner_normals
+
+# How far the simplifier may move the surface, as a share of the longest side: its own mean error by quadrics.
+TOLERANCE = 0.0003
+
+
+def standard(mesh: Mesh, tolerance: float = TOLERANCE) -> Mesh:
+    """The mesh simplified as far as the surface stays within a tolerance, with the normals of the full surface.
+
+    `tolerance` is a share of the longest side.
+    """
+    found, metres = find_copies(mesh), tolerance * mesh.side
+    rest = chosen(mesh, without_copies(mesh, found))
+    pieces = [_simplified(rest, metres)] if len(rest.faces) else []
+    return _joined([*pieces, *(_copied(mesh, copies, metres) for copies in found)], mesh.part_names)
+
+
+def _simplified(mesh: Mesh, metres: float) -> Mesh:
+    # Vertices of no face would make the grid of `weld` coarser.
+    full = weld(compact(mesh))
+    small = simplify_parts(full, 0.0, metres)
+    return compact(replace(small, normals=corner_normals(small, full=full)))
+
+
+def _copied(mesh: Mesh, copies: Copies, metres: float) -> Mesh:
+    """All copies of a shape, simplified for the largest of them."""
+    places = copies.places
+    shape = _simplified(copies.shape(mesh), metres / float(places.scale.max()))
+    count, size = len(copies.faces), len(shape.vertices)
+    assert shape.normals is not None
+    return Mesh(
+        places.put(shape.vertices).reshape(-1, 3).astype(np.float32),
+        (shape.faces + size * np.arange(count)[:, None, None]).reshape(-1, 3).astype(np.int32),
+        np.tile(shape.parts, count),
+        mesh.part_names,
+        copies=np.repeat(np.arange(count, dtype=np.int32), len(shape.faces)),
+        normals=places.turn(shape.normals.reshape(-1, 3)).reshape(-1, 3, 3).astype(np.float32),
+    )
+
+
+def _joined(meshes: list[Mesh], part_names: tuple[str, ...]) -> Mesh:
+    """One mesh of several with the same names of parts."""
+    solids = [Solid("", mesh.vertices, mesh.faces, copies=mesh.copies) for mesh in meshes]
+    parts = np.concatenate([mesh.parts for mesh in meshes])
+    return replace(join(solids), parts=parts, part_names=part_names, normals=_normals(meshes))
+
+
+def _normals(meshes: list[Mesh]) -> Float32[np.ndarray, "f 3 3"]:
+    given = [mesh.normals for mesh in meshes if mesh.normals is not None]
+    return np.concatenate(given)
