@@ -17,6 +17,7 @@ USUALLY = {
     "choosing": "an hour",
     "classifier": "10 minutes",
     "data": "20 minutes",
+    "factories": "hours",
     "gallery": "a minute",
     "holes": "5 minutes",
     "marathon": "hours",

@@ -25,6 +25,7 @@ MARKED = {
     "slow": {
         "data/test_cluster.py",
         "evaluation/test_evaluate.py",
+        "importing/test_seeded.py",
         "inference/test_classifier.py",
         "security/test_builds.py",
         "security/test_pictures.py",

@@ -28,11 +28,21 @@ class CodeError(ValueError):
 
 
 def allow_code(*files: str | Path) -> None:
-    """Let Python files of generators, encoders and metrics run.
+    """Let Python files of generators, encoders and metrics run, and the programs that TOML files name.
 
     Only names that the user or the program has given belong here, and none that was read from a file.
     """
     _allowed.update(Path(file).resolve() for file in files)
+
+
+def check_allowed(path: Path) -> None:
+    """Raise CodeError for a file that would run code and that nobody has allowed."""
+    if path.resolve() not in _allowed:
+        kind = "Python file" if path.suffix == ".py" else "program in"
+        raise CodeError(
+            f"The {kind} {path} is named by a checkpoint, an asset or a data set, and would run with all your "
+            f"rights. If you trust it, add --allow-code {path} to the command; in Python, call dipcg.allow_code."
+        )
 
 
 def names(kind: str) -> list[str]:
@@ -81,11 +91,7 @@ def _entry_points(kind: str) -> dict[str, EntryPoint]:
 def _load_file(path: Path) -> ModuleType:
     if not path.is_file():
         raise LookupError(f"There is no file {path} (looked for in {Path.cwd()}).")
-    if path.resolve() not in _allowed:
-        raise CodeError(
-            f"The Python file {path} is named by a checkpoint, an asset or a data set, and would run with all your "
-            f"rights. If you trust it, add --allow-code {path} to the command; in Python, call dipcg.allow_code."
-        )
+    check_allowed(path)
     spec = importlib.util.spec_from_file_location(f"dipcg_plugin_{path.stem}", path.resolve())
     assert spec is not None, path
     assert spec.loader is not None, path

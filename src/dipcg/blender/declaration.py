@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -65,20 +65,26 @@ def digest(blend: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def write_declaration(top: Mapping[str, Any], parameters: Mapping[str, Mapping[str, Any]], path: Path) -> str:
-    """The TOML text of a declaration; `path` is the file that it is for."""
-    lines = [HEADER.format(path=path, stem=path.stem)]
-    lines += [f"{key} = {_toml(value)}" for key, value in top.items() if value not in ("", [])]
+def write_declaration(
+    top: Mapping[str, Any],
+    parameters: Mapping[str, Mapping[str, Any]],
+    path: Path,
+    header: str = HEADER,
+    keys: Sequence[str] = KEYS,
+) -> str:
+    """The TOML text of a declaration; `path` is the file that it is for, `keys` are those of a parameter, in order."""
+    lines = [header.format(path=path, stem=path.stem)]
+    lines += [f"{key} = {_toml(value)}" for key, value in top.items() if value not in ("", [], {})]
     for name, entry in parameters.items():
         lines += ["", f"[parameters.{_key(name)}]"]
-        lines += [f"{key} = {_toml(entry[key])}" for key in KEYS if entry.get(key) not in (None, "", [], {})]
+        lines += [f"{key} = {_toml(entry[key])}" for key in keys if entry.get(key) not in (None, "", [], {})]
     return "\n".join(lines) + "\n"
 
 
 def _declared(top: dict[str, Any], path: Path) -> SimpleNamespace:
-    _check_keys(top, TOP, ("blend", "object", "sha256", "parameters"), "the file")
+    check_keys(top, TOP, ("blend", "object", "sha256", "parameters"), "the file")
     for name, entry in top["parameters"].items():
-        _check_keys(entry, KEYS, ("input", "kind"), name)
+        check_keys(entry, KEYS, ("input", "kind"), name)
     space = ParameterSpace(*(parameter_of(name, entry) for name, entry in top["parameters"].items()))
     blend = _unchanged(path.parent / top["blend"], top["sha256"])
     inputs = {name: (entry["input"], entry.get("component", "")) for name, entry in top["parameters"].items()}
@@ -124,6 +130,7 @@ def _unchanged(blend: Path, expected: str) -> Path:
 
 
 def parameter_of(name: str, entry: dict[str, Any]) -> Parameter:
+    """The parameter that an entry of a TOML file declares; raises ValueError with a sentence."""
     if not name.isidentifier():
         raise ValueError(f"a parameter's name is made of letters, digits and _, got {name!r}.")
     shared: dict[str, Any] = {key: entry[key] for key in ("unit", "doc", "group", "default") if key in entry}
@@ -149,7 +156,8 @@ def _limits(name: str, entry: dict[str, Any]) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _check_keys(entry: Any, allowed: tuple[str, ...], needed: tuple[str, ...], where: str) -> None:
+def check_keys(entry: Any, allowed: tuple[str, ...], needed: tuple[str, ...], where: str) -> None:
+    """Raise ValueError for a key that is unknown or missing, with where in the file it is."""
     if not isinstance(entry, dict):
         raise ValueError(f"{where} must be a table, got {entry!r}.")
     for key in entry:

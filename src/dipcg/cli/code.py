@@ -1,21 +1,21 @@
-"""Which Python files may run: those whose paths stand on the command line, and none that a data file alone names."""
+"""Which Python files, and programs that TOML files name, may run: those that stand on the command line."""
 
 from __future__ import annotations
 
 from argparse import ArgumentParser
 from collections.abc import Sequence
 
-from dipcg.registry import allow_code
+from dipcg.registry import allow_code, is_path
 
 ALLOW = "--allow-code"
 
 
 def allowed_code(words: Sequence[str]) -> list[str]:
-    """Let the Python files run that the words of a command name, and return the words without `--allow-code`."""
+    """Let the code of the files run that the words of a command name, and return the words without `--allow-code`."""
     # Every command takes the flag, so it is read before tyro reads those of one command.
     parser = ArgumentParser("dipcg", add_help=False, allow_abbrev=False)
     parser.add_argument(ALLOW, action="append", default=[])
     given, rest = parser.parse_known_args(words)
     # `--encoder=mine.py` names a file too.
-    allow_code(*given.allow_code, *(word.rpartition("=")[2] for word in rest if word.endswith(".py")))
+    allow_code(*given.allow_code, *(word.rpartition("=")[2] for word in rest if is_path(word)))
     return rest

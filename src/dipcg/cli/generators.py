@@ -40,33 +40,59 @@ def generators_add(
     hold: Names = (),
     ask: bool = False,
     blender: str = "",
+    function: str = "",
+    set: Settings = (),
+    seconds: float = 600.0,
     output: NewFile = None,
     json: bool = False,
 ) -> None:
     """Make a generator of what others made: a TOML file with its parameters, which you can edit.
 
     Args:
-        source: a Blender file, ending in .blend: the inputs of its Geometry Nodes become parameters
+        source: a Blender file, ending in .blend: the inputs of its Geometry Nodes become parameters; or a program with
+            a seed, as module:function, infinigen:LampFactory, or a Python file: its random draws become parameters
         object: the object with the modifier, where several have one
         modifier: the modifier, where the object has several; the first with inputs when left out
         range: lowest and highest value of an input, as name=low:high; narrows limits, or sets them where there are none
         hold: inputs that stay as they are in the file
         ask: ask for the range of each input without limits; otherwise one is proposed and tried
         blender: another Blender to use, or a Python that has bpy; the TOML file remembers it
+        function: the function in a Python file that takes a seed or a random number generator
+        set: an argument of a program, as name=value
+        seconds: about how long a program may be looked at
         output: TOML file to write; beside the source when left out
         json: print what was made as JSON
     """
-    from dipcg.cli.terminal import counter
+    if source.endswith(".blend"):
+        from dipcg.cli.terminal import counter
+        from dipcg.importing.blend import Options, import_blend
 
-    if not source.endswith(".blend"):
-        raise ValueError(f"{source} is no source of a generator; give a Blender file, ending in .blend.")
-    from dipcg.importing.blend import Options, import_blend
+        names = tuple(chain.from_iterable(hold))
+        options = Options(object, modifier, blender, parse_settings(range), names, input if ask else None)
+        with counter("builds") as update:
+            made = import_blend(Path(source), options, output, update)
+    elif source.endswith(".py") or ":" in source:
+        from dipcg.importing.seeded import import_program
 
-    names = tuple(chain.from_iterable(hold))
-    options = Options(object, modifier, blender, parse_settings(range), names, input if ask else None)
-    with counter("builds") as update:
-        made = import_blend(Path(source), options, output, update)
+        made = import_program(source, function, _arguments(set), output, seconds)
+    else:
+        raise ValueError(
+            f"{source} is no source of a generator; give a Blender file, ending in .blend, or a program as "
+            "module:function or a Python file."
+        )
     print(jsons.dumps(_as_json(made)) if json else listing.imported(made))
+
+
+def _arguments(settings: Settings) -> dict[str, Any]:
+    """Arguments of a program; numbers, true and false are read as such, all else is text."""
+    return {name: _value(text) for name, text in parse_settings(settings).items()}
+
+
+def _value(text: str) -> Any:
+    try:
+        return jsons.loads(text)
+    except ValueError:
+        return text
 
 
 def _as_json(made: Imported) -> dict[str, Any]:

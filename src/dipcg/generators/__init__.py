@@ -23,10 +23,12 @@ still differ between builds, by far less than a micrometre.
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
@@ -39,6 +41,7 @@ from dipcg.detail import standard
 from dipcg.labels import labelled
 from dipcg.mesh import Mesh, make_mesh, simplify
 from dipcg.space import ParameterSpace, Params
+from dipcg.tracing.declaration import read_program
 
 Detail = Literal["light", "standard", "full"]
 LIGHT_FACES = 3500
@@ -112,7 +115,7 @@ def load_generator(ref: str) -> Generator:
     is_path = registry.is_path(ref)
     # A path has one spelling, so that ./lamp.toml and lamp.toml are the same.
     ref = str(Path(ref)) if is_path else ref
-    module = read_declaration(Path(ref)) if ref.endswith(".toml") else registry.load("generators", ref)
+    module = _read_toml(Path(ref)) if ref.endswith(".toml") else registry.load("generators", ref)
     if not isinstance(getattr(module, "space", None), ParameterSpace) or not callable(getattr(module, "build", None)):
         raise ValueError(
             f"The generator {ref!r} must define `space`, a ParameterSpace, and a function `build`; "
@@ -134,5 +137,15 @@ def as_mesh(built: Any) -> Mesh:
     return make_mesh(vertices, faces)
 
 
+def _read_toml(path: Path) -> SimpleNamespace:
+    """What a TOML file declares, by the key that names what it is over: a Blender file when there is no other."""
+    try:
+        keys = set(tomllib.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError):
+        keys = set()
+    return next((read for key, read in _READERS.items() if key in keys), read_declaration)(path)
+
+
+_READERS = {"program": read_program}
 _OPTIONAL = ("build_light", "prepare", "views", "views_of", "mirrors", "needs", "recycle_after", "light_faces")
 _OPTIONAL += ("blender",)

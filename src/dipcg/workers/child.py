@@ -52,7 +52,7 @@ def serve_builds(parent: Channel, ref: str) -> None:
 
 
 def serve_calls(parent: Channel, _: str) -> None:
-    """Call the function of `dipcg.blender` for each (function, arguments) that the parent sends."""
+    """Call the function of `dipcg` for each (function, arguments) that the parent sends."""
     parent.send(("ready", None))
     while True:
         work = partial(_call, parent, *parent.receive())
@@ -61,7 +61,7 @@ def serve_calls(parent: Channel, _: str) -> None:
 
 def _call(parent: Channel, name: str, arguments: tuple) -> Any:
     module, function = name.split(":")
-    called = getattr(importlib.import_module(f"dipcg.blender.{module}"), function)
+    called = getattr(importlib.import_module(f"dipcg.{module}"), function)
     return called(lambda share, note: parent.send(("progress", (share, note))), *arguments)
 
 

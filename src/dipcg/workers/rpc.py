@@ -39,7 +39,7 @@ class Blender:
         """
         try:
             self._child.start()
-            return self._child.request((function, arguments), timeout_s, progress)
+            return self._child.request((f"blender.{function}", arguments), timeout_s, progress)
         except BuildError as error:
             raise BlenderError(str(error)) from None
 
