@@ -1,13 +1,16 @@
 """Searching by building: the chain against distributions in closed form, resuming, failures, and the command."""
 
+import contextlib
 import math
 
 import numpy as np
 import pytest
+from disk import full_disk
 from PIL import Image
 
 from dipcg.camera import View
 from dipcg.cli import main
+from dipcg.cli.mcmc import _contents
 from dipcg.generators import load_generator
 from dipcg.images import MARGIN, save_image
 from dipcg.inference.search import Metropolis, Moves, Objective, RandomSearch, make_searcher, reflect, search
@@ -160,9 +163,55 @@ def test_a_trace_goes_on_after_a_line_cut_short_and_refuses_other_settings(tmp_p
     assert [line.best for line in again.lines] == [0.5, 0.5, 0.25]
     again.add(2.0, 0.125)
     again.close()
-    assert Trace(tmp_path, {"seed": 0}).scores == [0.5, math.inf, 0.25, 0.125]
+    with Trace(tmp_path, {"seed": 0}) as last:
+        assert last.scores == [0.5, math.inf, 0.25, 0.125]
     with pytest.raises(ValueError, match="another search \\(different seed\\)"):
         Trace(tmp_path, {"seed": 1})
+
+
+def test_a_full_disk_shortens_no_trace(tmp_path):
+    with Trace(tmp_path, {"seed": 0}) as trace:
+        for _ in range(500):
+            trace.add(1.0, 0.5)
+    before = (tmp_path / "trace.jsonl").read_bytes()
+    with full_disk(1000), Trace(tmp_path, {"seed": 0}) as trace:
+        assert len(trace.scores) == 500
+        with pytest.raises(OSError):
+            trace.add(2.0, 0.25)
+        # What the failed line has left in the buffer is lost, as in a kill.
+        with contextlib.suppress(OSError):
+            trace.close()
+    assert (tmp_path / "trace.jsonl").read_bytes() == before
+    with Trace(tmp_path, {"seed": 0}) as trace:
+        trace.add(2.0, 0.25)
+        assert len(trace.scores) == 501
+
+
+def test_a_damaged_trace_is_left_as_it_is(tmp_path):
+    with Trace(tmp_path, {"seed": 0}) as trace:
+        trace.add(1.0, 0.5)
+    damaged = b"not a line\n" + (tmp_path / "trace.jsonl").read_bytes()
+    (tmp_path / "trace.jsonl").write_bytes(damaged)
+    with pytest.raises(ValueError, match=r"trace\.jsonl is damaged"):
+        Trace(tmp_path, {"seed": 0})
+    assert (tmp_path / "trace.jsonl").read_bytes() == damaged
+
+
+def test_two_searches_in_one_folder_are_refused(tmp_path):
+    with Trace(tmp_path, {"seed": 0}), pytest.raises(ValueError, match="Another process searches in"):
+        Trace(tmp_path, {"seed": 0})
+
+
+def test_another_picture_under_the_same_name_is_another_search(tmp_path):
+    (tmp_path / "photo.png").write_bytes(b"one")
+    before = _contents(tmp_path / "photo.png", "box", uses_checkpoint=False)
+    (tmp_path / "photo.png").rename(tmp_path / "moved.png")
+    assert _contents(tmp_path / "moved.png", "box", uses_checkpoint=False) == before
+    (tmp_path / "photo.png").write_bytes(b"two")
+    with Trace(tmp_path / "out", before):
+        pass
+    with pytest.raises(ValueError, match="different image"):
+        Trace(tmp_path / "out", _contents(tmp_path / "photo.png", "box", uses_checkpoint=False))
 
 
 def test_the_marks_are_the_papers_up_to_the_last_call():

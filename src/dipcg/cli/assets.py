@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import OmitArgPrefixes, Positional, UseAppendAction, arg
 
+from dipcg.cli.outputs import check_outputs
 from dipcg.generators import Detail
 
 if TYPE_CHECKING:
@@ -98,6 +99,7 @@ def sample(name: Positional[str], /, *, output: Options, seed: int = 0, set: Set
 
     from dipcg.generators import load_generator
 
+    check_outputs((output.output, output.params_out), (name,))
     generator = load_generator(name)
     params = generator.space.sample(np.random.default_rng(seed))
     _build_and_write(generator, generator.space.replace(params, parse_settings(set)), output)
@@ -123,6 +125,7 @@ def edit(
     from dipcg.space import params_from_json
 
     name, params = params_from_json(_read(file))
+    check_outputs((output.output, output.params_out, preview), (file, name))
     generator = load_generator(name)
     before = generator.space.validate(params)
     after = generator.space.replace(before, parse_settings(set))

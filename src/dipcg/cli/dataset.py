@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Literal
 from tyro.conf import Positional
 
 from dipcg.cli.assets import Output
+from dipcg.cli.outputs import check_outputs
 
 if TYPE_CHECKING:
     from dipcg.data.store import Progress
@@ -92,6 +93,7 @@ def dataset_gallery(folder: Positional[Path], /, *, output: Output, count: int =
     from dipcg.inference.preview import contact_sheet
 
     check_target(output, (".png",))
+    check_outputs((output,), (folder,))
     meshes = [sample.mesh for sample in islice(Store(folder).samples(), count) if sample.mesh]
     if not meshes:
         raise ValueError(f"None of the first {count} samples in {folder} has a mesh to draw.")

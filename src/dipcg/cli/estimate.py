@@ -14,6 +14,7 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from dipcg.cli.assets import Options as WrittenFlags
 from dipcg.cli.assets import Settings, Written, parse_settings
+from dipcg.cli.outputs import check_outputs
 
 if TYPE_CHECKING:
     from dipcg.cli.batch import Batch
@@ -96,6 +97,7 @@ def estimate(
         preview: PNG file for the photo beside the result
     """
     batch, targets = None, {}
+    check_outputs((output.output, output.params_out, preview), (estimation.generator, *images))
     images, others = (images[:1], images[1:]) if input.views else (images, ())
     estimation.check()
     if input.text is None:
@@ -214,7 +216,7 @@ def _targets(images: Sequence[Path], written: Written, preview: Path | None) -> 
     files = Targets(written.output, written.params_out, preview)
     stems = distinct_stems(images) if len(images) > 1 else [files.output.stem]
     targets = {image: _named(stem, files) for image, stem in zip(images, stems, strict=True)}
-    _check_distinct(images, [path for image in images for path in targets[image] if path])
+    check_outputs([path for image in images for path in targets[image]], images)
     return targets
 
 
@@ -240,7 +242,7 @@ def _batch_targets(batch: Batch, written: Written) -> dict[Path, Targets]:
     """The files of the pictures that wait, all of which can be written; raises ValueError."""
     every = list(batch.files.values())
     replace(written, output=every[0].asset).check()
-    _check_distinct(list(batch.files), [path for files in every for path in (files.asset, files.params, files.preview)])
+    check_outputs([path for files in every for path in (files.asset, files.params, files.preview)], batch.files)
     page = batch.write_page({})
     print(f"{len(batch.waiting)} of {len(batch.files)} pictures wait; see {page}.", file=sys.stderr)
     if batch.others:
@@ -257,15 +259,6 @@ def _check_outputs(written: Written, preview: Path | None) -> None:
     written.check()
     if preview is not None:
         check_target(preview, (".png",))
-
-
-def _check_distinct(images: Sequence[Path], targets: Sequence[Path]) -> None:
-    """Raise ValueError where a file would be written twice, or over a picture that is read."""
-    taken = {image.absolute() for image in images}
-    for target in targets:
-        if target.absolute() in taken:
-            raise ValueError(f"{target} would be overwritten; choose another name or folder.")
-        taken.add(target.absolute())
 
 
 def _write(result: Result, inverter: Inverter, targets: Targets, written: Written) -> None:

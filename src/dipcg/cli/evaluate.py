@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from tyro.conf import Positional
 
+from dipcg.cli.outputs import check_outputs
 from dipcg.files import write_file
 
 if TYPE_CHECKING:
@@ -72,6 +73,9 @@ def evaluate(
         raise ValueError(f"--nearest-of is a number of shapes, 0 for none, got {nearest_of}.")
     if json is not None:
         check_target(json, (".json",))
+    check_outputs((json,), (generator, data, *(pairs or Path()).glob("*.json")))
+    if pictures is not None and any(folder and pictures.resolve() == folder.resolve() for folder in (pairs, meshes)):
+        raise ValueError(f"{pictures} holds what is read; choose another folder for the pictures.")
     if meshes is not None or pictures is not None:
         return _external(_cases(data, pairs, prefix or generator, count), meshes, pictures, count, metric, json)
     with Inverter.load(generator, workers=2) as inverter:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from dipcg.cli.assets import Name
+from dipcg.cli.outputs import check_outputs
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from dipcg.inference.trace import Trace
 
 Folder = Annotated[Path, arg(aliases=["-o"], metavar="FOLDER")]
+# The files that a search writes.
+WRITTEN = ("trace.jsonl", "search.json", "trace.png", "best.json", "best.png")
 # Side of the pictures that are shown.
 SIDE = 256
 
@@ -67,10 +70,16 @@ def mcmc(
 
     if min(iterations, chains, workers) < 1 or not temperature > 0:
         raise ValueError("iterations, chains and workers must be at least 1, and the temperature above 0.")
+    check_outputs([output / name for name in WRITTEN], (image, generator))
     compare, size = _score(image, generator, score, encoder_weights)
-    settings = {"image": str(image), "generator": generator, "method": method, "score": score, "start": start}
-    trace = Trace(output, settings | {"chains": chains, "temperature": temperature, "seed": seed})
-    with BuildPool(generator, workers) as pool, bar("searching", iterations) as update:
+    settings = {"generator": generator, "method": method, "score": score, "start": start, "chains": chains}
+    settings |= {"temperature": temperature, "seed": seed, "encoder_weights": encoder_weights}
+    settings |= _contents(image, generator, uses_checkpoint=start == "estimate" or score == "conv")
+    with (
+        Trace(output, settings) as trace,
+        BuildPool(generator, workers) as pool,
+        bar("searching", iterations) as update,
+    ):
         objective = Objective(pool, compare, size)
         first = _estimated(image, generator, objective) if start == "estimate" else None
         searcher = make_searcher(method, objective, np.random.default_rng(seed), chains, temperature, first)
@@ -81,8 +90,19 @@ def mcmc(
                 trace.add(before + time.perf_counter() - begun, tried.score)
             best[tried.call] = tried.best_point
             update(tried.call, f"best {tried.best:.3f}")
-        trace.close()
         _write(output, image, trace, objective, best)
+
+
+def _contents(image: Path, generator: str, uses_checkpoint: bool) -> dict[str, str]:
+    """Digests of the files on which every score depends, whatever they are called."""
+    from dipcg.blender.declaration import digest
+    from dipcg.model.zoo import WEIGHTS, find_checkpoint
+    from dipcg.registry import is_path
+
+    files = {"image": image}
+    files |= {"generator's file": Path(generator)} if is_path(generator) else {}
+    files |= {"checkpoint": find_checkpoint(generator) / WEIGHTS} if uses_checkpoint else {}
+    return {name: digest(file) for name, file in files.items()}
 
 
 def _score(image: Path, generator: str, name: str, weights: str) -> tuple[Score, int]:

@@ -13,8 +13,9 @@ from tyro.conf import Positional, arg
 
 from dipcg.cli.assets import Name, Output
 from dipcg.cli.code import ALLOW
+from dipcg.cli.outputs import check_outputs
 from dipcg.config import ModelConfig, TrainConfig
-from dipcg.model.zoo import RUNS
+from dipcg.model.zoo import RUNS, WEIGHTS, find_checkpoint
 
 
 def train(
@@ -49,6 +50,7 @@ def train(
     if generator != info["generator"] and load_generator(generator).ref != info["ref"]:
         raise ValueError(f"{data} holds shapes of {info['generator']!r}, not of {generator!r}.")
     folder = output / info["generator"]
+    check_outputs((folder / WEIGHTS,), (find_checkpoint(train.start) if train.start else None,))
     if (folder / STATE).is_file():
         print(f"{saved(folder)} Training goes on from there.", file=sys.stderr)
     with _ends_as_interrupted(), bar("training", 1000) as update, Log(folder, data) as log:
@@ -109,6 +111,7 @@ def import_checkpoint(
     made = load_generator(generator)
     network, config = convert(read_weights(file), made.space, encoder, heads)
     folder = output / f"{made.name}-imported"
+    check_outputs((folder / WEIGHTS,), (file,))
     weights = {f"denoiser.{name}": value for name, value in network.state_dict().items()}
     about = {"imported": {"file": file.name, "notice": NOTICE}}
     write_checkpoint(folder, weights, replace(config, encoder_weights=encoder_weights), made, about)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import UInt8
 
-from dipcg.files import written
+from dipcg.files import locked, write_file, written
 
 # The numbers of calls in the paper's figure 5.
 MARKS = (100, 500, 1000, 2000, 5000, 10_000)
@@ -31,23 +32,22 @@ class Line:
 class Trace:
     """`trace.jsonl` in a folder, beside the settings that every line depends on; an earlier one is continued.
 
-    Raises ValueError when the folder holds the trace of other settings.
+    A context manager that holds the folder. Raises ValueError when the folder holds the trace of other settings, when
+    the trace is damaged, and when another process searches there.
     """
 
     def __init__(self, folder: Path, settings: dict[str, Any]) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
         self.lines: list[Line] = []
-        self._path, about = folder / "trace.jsonl", folder / "search.json"
-        if about.is_file() and (before := json.loads(about.read_text())) != settings:
-            changed = ", ".join(key for key in settings if before.get(key) != settings[key])
-            raise ValueError(
-                f"{folder} holds another search (different {changed}); choose another folder or delete it."
-            )
-        about.write_text(json.dumps(settings, indent=1))
-        for line in self._whole_lines():
-            self._append(line["seconds"], math.inf if line["score"] is None else line["score"])
-        self._path.write_text("".join(_written(line) for line in self.lines))
-        self._file = self._path.open("a")
+        path = folder / "trace.jsonl"
+        with contextlib.ExitStack() as opened:
+            opened.enter_context(locked(folder, "searches"))
+            _claim(folder, settings)
+            for line in _read(path, _whole_lines) or []:
+                self._append(line["seconds"], math.inf if line["score"] is None else line["score"])
+            self._file = opened.enter_context(path.open("ab"))
+            # What a kill or a full disk has left of a last line goes, and nothing else does.
+            self._file.truncate(path.read_bytes().rfind(b"\n") + 1)
+            self._opened = opened.pop_all()
 
     @property
     def scores(self) -> list[float]:
@@ -59,21 +59,49 @@ class Trace:
 
     def add(self, seconds: float, score: float) -> None:
         """Append one call, which is on disk when this returns."""
-        self._file.write(_written(self._append(seconds, score)))
+        self._file.write(_written(self._append(seconds, score)).encode())
         self._file.flush()
 
     def close(self) -> None:
-        self._file.close()
+        self._opened.close()
+
+    def __enter__(self) -> Trace:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def _append(self, seconds: float, score: float) -> Line:
         self.lines.append(Line(seconds, score, min(score, self.lines[-1].best if self.lines else math.inf)))
         return self.lines[-1]
 
-    def _whole_lines(self) -> list[dict[str, Any]]:
-        """All lines but the last if a kill has cut it short."""
-        if not self._path.is_file():
-            return []
-        return [json.loads(line) for line in self._path.read_text().splitlines(keepends=True) if line.endswith("\n")]
+
+def _claim(folder: Path, settings: dict[str, Any]) -> None:
+    """Say in the folder which search it holds, or refuse one that holds another."""
+    about = folder / "search.json"
+    before = _read(about, json.loads)
+    if before is None:
+        return write_file(about, json.dumps(settings, indent=1))
+    if before != settings:
+        changed = ", ".join(key for key in settings if before.get(key) != settings[key])
+        raise ValueError(f"{folder} holds another search (different {changed}); choose another folder or delete it.")
+    return None
+
+
+def _read(path: Path, parse: Callable[[str], Any]) -> Any:
+    """What a file holds, or None where there is none; raises ValueError for a damaged one."""
+    if not path.is_file():
+        return None
+    try:
+        return parse(path.read_text())
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path} is damaged ({error}); correct it, delete it, or choose another folder.") from None
+
+
+def _whole_lines(text: str) -> list[dict[str, Any]]:
+    """All lines but the last if a kill has cut it short."""
+    lines = [json.loads(line) for line in text.splitlines(keepends=True) if line.endswith("\n")]
+    return [{key: line[key] for key in ("seconds", "score")} for line in lines]
 
 
 def marks(calls: int) -> list[int]:
