@@ -1,10 +1,15 @@
 """A folder of pictures: what is there is skipped, what fails is shown, the page lists all."""
 
+import os
 from pathlib import Path
 
+import numpy as np
 import pytest
+from serving import box_checkpoint
 
+from dipcg.cli import main
 from dipcg.cli.batch import BatchError, open_batch
+from dipcg.images import save_image
 
 
 @pytest.fixture
@@ -80,3 +85,25 @@ def test_a_folder_that_cannot_be_worked_through_is_refused(tmp_path, names, out,
         (tmp_path / name).write_bytes(b"")
     with pytest.raises(BatchError, match=expected):
         open_batch(tmp_path, tmp_path / out)
+
+
+def test_a_name_that_is_no_utf8_stops_nothing_and_is_printed(tmp_path, capsys):
+    (tmp_path / "pictures").mkdir()
+    square = np.full((64, 64, 3), 255, np.uint8)
+    square[16:48, 16:48] = 60
+    save_image(square, tmp_path / "pictures" / "b.png")
+    for name in (b"a\xff.png", b"c\xfe.png"):
+        (tmp_path / "pictures" / os.fsdecode(name)).write_bytes((tmp_path / "pictures" / "b.png").read_bytes())
+    (tmp_path / "pictures" / os.fsdecode(b"d\xfd.png")).write_bytes(b"no picture")
+    words = ["estimate", tmp_path / "pictures", "-g", box_checkpoint(tmp_path / "box"), "-o", tmp_path / "out"]
+    with pytest.raises(SystemExit) as end:
+        main([*map(str, words), "--candidates", "1", "--steps", "1"])
+    said = capsys.readouterr()
+    assert end.value.code == 1
+    assert r"d\udcfd.png" in said.err
+    assert [line.count("->") for line in said.out.splitlines()] == [1, 1, 1]
+    made = {os.fsencode(path.name) for path in (tmp_path / "out").glob("*.glb")}
+    assert made == {b"a\xff.glb", b"b.glb", b"c\xfe.glb"}
+    page = (tmp_path / "out" / "index.html").read_text()
+    assert 'href="a%FF.glb"' in page
+    assert "3 of 4 pictures, 1 failed" in page

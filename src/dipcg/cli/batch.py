@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -90,15 +91,20 @@ def _files(out: Path, stem: str, suffix: str) -> Files:
 
 
 def _card(picture: Path, files: Files, problem: str | None) -> str:
-    name = escape(picture.name)
+    name = _shown(picture.name)
     if problem:
-        return f'<article class="failed"><h2>{name}</h2><p>{escape(problem)}</p></article>'
+        return f'<article class="failed"><h2>{name}</h2><p>{_shown(problem)}</p></article>'
     if not files.done:
         return f'<article class="waiting"><h2>{name}</h2><p>not estimated yet</p></article>'
-    asset, params, preview = (quote(path.name) for path in (files.asset, files.params, files.preview))
-    links = f'<a href="{asset}">{escape(files.asset.name)}</a> · <a href="{params}">parameters</a>'
+    asset, params, preview = (quote(os.fsencode(path.name)) for path in (files.asset, files.params, files.preview))
+    links = f'<a href="{asset}">{_shown(files.asset.name)}</a> · <a href="{params}">parameters</a>'
     drawn = f'<img src="{preview}" alt="{name}, its estimate from the same camera, and turned" loading="lazy">'
     return f"<article><h2>{name}</h2>{drawn}<p>{links}</p></article>"
+
+
+def _shown(text: str) -> str:
+    """Text for the page; bytes of a file's name that are no UTF-8 are shown as �."""
+    return escape(os.fsencode(text).decode(errors="replace"))
 
 
 TEMPLATE = """<!doctype html>

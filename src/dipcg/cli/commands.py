@@ -5,6 +5,7 @@ Exit codes: 0 for success, 1 for a failure that a sentence on stderr describes, 
 
 from __future__ import annotations
 
+import io
 import json as jsons
 import sys
 from collections.abc import Callable, Sequence
@@ -65,6 +66,10 @@ COMMANDS = {
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run one command; an error becomes one sentence on stderr and exit code 1."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    for stream in (sys.stdout, sys.stderr):
+        # The name of a file may hold bytes that are no UTF-8, and a terminal may show ASCII alone.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     # tyro takes subcommands of one word alone.
     if " ".join(words[:2]) in COMMANDS:
         words[:2] = [" ".join(words[:2])]
