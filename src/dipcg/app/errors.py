@@ -13,11 +13,12 @@ from starlette.requests import ClientDisconnect
 from dipcg.app.jobs import Busy, sentence
 from dipcg.workers.process import BuildError
 
-# Of errors that Starlette itself raises.
+# Sentences for the errors that FastAPI and Starlette raise themselves.
 SENTENCES = {
-    404: "There is nothing at this address.",
-    405: "This address does not take this method.",
-    413: "The request is too large.",
+    "Not Found": "There is nothing at this address.",
+    "Method Not Allowed": "This address does not take this method.",
+    "Content Too Large": "The request is too large.",
+    "There was an error parsing the body": "The body is no JSON that can be read.",
 }
 
 
@@ -49,9 +50,7 @@ async def _of_nobody(_: Request, error: Exception) -> Response:
 
 
 async def _of_http(_: Request, error: Any) -> JSONResponse:
-    standard = error.detail in ("Not Found", "Method Not Allowed", "Content Too Large")
-    words = SENTENCES[error.status_code] if standard else str(error.detail)
-    return _answer(error.status_code, words, error.headers)
+    return _answer(error.status_code, SENTENCES.get(error.detail, str(error.detail)), error.headers)
 
 
 async def _of_validation(_: Request, error: Any) -> JSONResponse:
