@@ -8,6 +8,8 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, Locator, Page, Playwright, Route, expect
 
+from dipcg.images import load_image
+
 SHOTS = Path(__file__).parents[1] / "out" / "screenshots"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
@@ -67,6 +69,15 @@ def seen(page: Page) -> str:
     page.wait_for_selector("body:not(.building)")
     page.wait_for_timeout(100)
     return page.locator("#viewer canvas").get_attribute("data-drawn") or ""
+
+
+def pixels(page: Page) -> tuple[float, float, float]:
+    """The mean colour of the middle of the viewer."""
+    canvas = load_image(page.locator("#viewer canvas").screenshot())
+    height, width = canvas.shape[:2]
+    middle = canvas[height * 4 // 9 : height * 5 // 9, width * 4 // 9 : width * 5 // 9, :3]
+    red, green, blue = middle.reshape(-1, 3).mean(0)
+    return float(red), float(green), float(blue)
 
 
 def shown(page: Page, before: str) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 from boxes import BOX
-from browsing import downloaded, draw, hold_back, move, number, seen, shoot, shown, upload
+from browsing import downloaded, draw, hold_back, move, number, pixels, seen, shoot, shown, upload
 from playwright.sync_api import expect
 
 from dipcg.images import load_image, save_image
@@ -21,6 +21,14 @@ AGREEING = """async (agreements) => {
     state.set({ results: { ...results, [open.result]: { ...results[open.result], candidates } } });
 }"""
 
+# Makes the picture of the open result red on every part.
+RED = """async () => {
+    const state = await import("/scripts/state.js"), { open, results } = state.get();
+    const parts = results[open.result].candidates.flatMap(({ colours }) => Object.keys(colours));
+    const colours = Object.fromEntries(parts.map((part) => [part, [0.9, 0.1, 0.1]]));
+    const candidates = results[open.result].candidates.map((one) => ({ ...one, colours }));
+    state.set({ results: { ...results, [open.result]: { ...results[open.result], candidates } } });
+}"""
 # Types values into a field, one after the other.
 TYPE = """(field, values) => values.forEach((value) => {
     field.value = value;
@@ -61,6 +69,21 @@ def test_candidates_stand_in_the_order_that_their_labels_say(visit, picture):
     page.locator("#candidates button").nth(1).click()
     assert page.evaluate("() => import('/scripts/state.js').then((state) => state.get().open.chosen)") == 3
     expect(page.locator("#candidates-note")).to_contain_text("best guess first, then by how well they match")
+
+
+def test_the_asset_has_the_colours_of_the_photo_where_they_are_asked_for(visit, picture):
+    page = visit()
+    upload(page, picture)
+    seen(page)
+    plain = pixels(page)
+    page.get_by_text("Parts", exact=True).click()
+    seen(page)
+    assert pixels(page) != plain
+    page.evaluate(RED)
+    page.get_by_text("Photo", exact=True).click()
+    seen(page)
+    red, green, blue = pixels(page)
+    assert red > 1.5 * max(green, blue)
 
 
 def test_menus_show_the_probabilities_of_the_picture_that_is_open(visit, picture, tmp_path):

@@ -162,7 +162,7 @@ class Estimating:
         if not others:
             return self._finish(asked, found)
         if found.result.estimate.candidates:
-            asked.job.show(as_answer(found.result, asked.picture, found.thumbnails))
+            asked.job.show(as_answer(found.result, asked.picture, found))
         asked.job.report(0.6, "Building and comparing more candidates")
         every = [*found.result.estimate.candidates, *others]
         rest = replace(found.result, estimate=replace(found.result.estimate, candidates=every))
@@ -174,4 +174,4 @@ class Estimating:
     def _finish(self, asked: Asked, found: Judged) -> None:
         if not found.result.estimate.candidates:
             raise BuildError("raised", NONE_BUILT)
-        asked.job.finish(as_answer(found.result, asked.picture, found.thumbnails))
+        asked.job.finish(as_answer(found.result, asked.picture, found))

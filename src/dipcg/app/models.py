@@ -176,6 +176,8 @@ class Candidate(BaseModel):
     agreement: float | None
     thumbnail: str | None = None
     """a picture of it as a data: URL"""
+    colours: dict[str, tuple[float, float, float]] = {}
+    """the colour of each part in the picture, in sRGB from 0 to 1, where it can be seen"""
 
 
 class EstimateResult(BaseModel):

@@ -10,6 +10,7 @@ from typing import Any
 from dipcg.app.pictures import data_url
 from dipcg.app.studio import Studio
 from dipcg.images import MARGIN
+from dipcg.inference.colours import part_colours
 from dipcg.inference.estimate import Result, ranked
 from dipcg.inference.preview import TEXT_VIEW
 from dipcg.inference.rank import merge, order
@@ -23,13 +24,16 @@ from dipcg.workers.process import BuildError
 TILE = 256
 _own = threading.local()
 
+PartColours = dict[str, tuple[float, float, float]]
+
 
 @dataclass(frozen=True)
 class Judged:
-    """A result of candidates that are built, in order, with a picture of each as a data: URL."""
+    """A result of candidates that are built, in order, with a picture of each as a data: URL and its colours."""
 
     result: Result
     thumbnails: list[str] | None
+    colours: list[PartColours]
 
 
 def judge(result: Result, built: Sequence[Mesh | BuildError], studio: Studio, thumbnails: bool) -> Judged:
@@ -44,7 +48,8 @@ def judge(result: Result, built: Sequence[Mesh | BuildError], studio: Studio, th
         estimate = order(estimate, every, space)
     shown = [candidate for candidate in estimate.candidates if candidate.mesh is not None]
     result = ranked(result, replace(estimate, candidates=shown))
-    return Judged(result, [thumbnail(candidate) for candidate in shown] if thumbnails else None)
+    pictures = [thumbnail(candidate) for candidate in shown] if thumbnails else None
+    return Judged(result, pictures, [_colours(estimate, candidate) for candidate in shown])
 
 
 def thumbnail(candidate: Candidate) -> str:
@@ -53,12 +58,22 @@ def thumbnail(candidate: Candidate) -> str:
     return data_url(_renderer().render(candidate.mesh, candidate.view, margin=MARGIN))
 
 
-def as_answer(result: Result, picture: str | None, thumbnails: list[str] | None = None) -> dict[str, Any]:
+def _colours(estimate: Estimate, candidate: Candidate) -> PartColours:
+    """The colours of the picture on the parts of a built candidate; none for a sentence."""
+    if estimate.background == "words" or candidate.mesh is None:
+        return {}
+    return part_colours(estimate.image, candidate.mesh, candidate.view, _renderer())
+
+
+def as_answer(result: Result, picture: str | None, judged: Judged | None = None) -> dict[str, Any]:
     """A result as `models.EstimateResult`; it is ranked when its candidates are built."""
     plain, estimate = to_dict(result), result.estimate
-    pictures: list[str | None] = [*thumbnails] if thumbnails else [None] * len(estimate.candidates)
+    nothing = [None] * len(estimate.candidates)
+    pictures = (judged and judged.thumbnails) or nothing
+    colours = judged.colours if judged else nothing
     candidates = [
-        candidate | {"thumbnail": picture} for candidate, picture in zip(plain["candidates"], pictures, strict=True)
+        candidate | {"thumbnail": picture, "colours": coloured or {}}
+        for candidate, picture, coloured in zip(plain["candidates"], pictures, colours, strict=True)
     ]
     return plain | {
         "generators": result.probabilities or {estimate.generator: 1.0},

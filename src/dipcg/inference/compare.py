@@ -62,7 +62,7 @@ class Picture:
         cropped = crop_to_object(image, SIDE)
         self.outline = outline(cropped)
         # GrabCut loses legs and leaves shadows, so a photograph is compared by lines alone, as a line drawing is.
-        self.has_silhouette = background != "photo" and not _is_line_drawing(cropped)
+        self.has_silhouette = background != "photo" and not is_line_drawing(cropped)
 
     def match(self, render: UInt8[np.ndarray, "s s 4"]) -> Match:
         """Compare a render of the side `SIDE` with the picture."""
@@ -75,7 +75,8 @@ class Picture:
         return Match(overlap, 1 - apart)
 
 
-def _is_line_drawing(image: UInt8[np.ndarray, "s s 4"]) -> bool:
+def is_line_drawing(image: UInt8[np.ndarray, "s s 4"]) -> bool:
+    """Whether nothing in a picture that is cut out is thicker than a line."""
     import cv2
 
     inside = cv2.distanceTransform((image[..., 3] > 127).astype(np.uint8), cv2.DIST_L2, 3)

@@ -43,9 +43,15 @@ export function again() {
 
 async function watch(job) {
   const called = (stop = new AbortController());
-  const answer = (result) => result && called === stop && take(job, { ...result, asked: job.asked });
+  let last = "";
+  const answer = ({ result }) => {
+    // Every event carries the newest result; it is taken when it is another than before.
+    const text = JSON.stringify(result ?? null);
+    if (result && text !== last && called === stop) take(job, { ...result, asked: job.asked });
+    last = text;
+  };
   try {
-    answer(await follow(job.id, (now) => (progress(now), now.state === "done" || answer(now.result)), called.signal));
+    await follow(job.id, (now) => (progress(now), answer(now)), called.signal);
     announce(`${state.get().results[job.result]?.candidates.length ?? 0} candidates are ready.`);
   } catch (error) {
     if (!calledOff(error)) tell(error);
@@ -59,9 +65,7 @@ async function watch(job) {
 /** The first answer is opened; a later one only improves it. */
 function take({ result: name, held }, result) {
   const now = state.get();
-  const known = now.results[name];
-  if (known && known.ranked === result.ranked) return;
-  if (known) return state.set(ranked(now, name, result));
+  if (now.results[name]) return state.set(ranked(now, name, result));
   const results = { ...now.results, [name]: result };
   state.set(opened({ ...now, results }, name, 0, held));
   if (find("#result").getBoundingClientRect().top > innerHeight / 2) find("#result").scrollIntoView({ behavior: "smooth" });

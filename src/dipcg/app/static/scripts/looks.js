@@ -11,18 +11,24 @@ export function paint(asset, { colours, open, results }) {
   asset.traverse((node) => {
     if (!node.isMesh) return;
     node.userData.own ??= node.material;
-    const part = partOf(node);
-    if (!parts.has(part)) parts.set(part, parts.size);
-    if (colours === "parts") node.material = plain(node.userData.own, PALETTE[parts.get(part) % PALETTE.length]);
-    else if (colours === "photo" && photo?.[part]) node.material = plain(node.userData.own, photo[part]);
-    else node.material = node.userData.own;
+    const part = partOf(node, asset);
+    if (!parts.has(part)) parts.set(part, painted(node.userData.own, colours, PALETTE[parts.size % PALETTE.length], photo?.[part]));
+    node.material = parts.get(part) ?? node.userData.own;
   });
 }
 
-/** The name of a part, which its mesh or the node above it has; three.js adds a number to names that occur twice. */
-const partOf = (node) => (node.geometry.name || node.name || node.parent.name).replace(/_\d+$/, "");
+/** The name of a part: of the node below the root of the file. Copies of a shape lie deeper. */
+function partOf(node, asset) {
+  const root = asset.children[0];
+  while (node.parent !== root && node.parent !== asset && node.parent) node = node.parent;
+  // The loader changes the names of its own objects, and keeps that of the file here.
+  return node.userData.name ?? node.name;
+}
 
-function plain(own, [red, green, blue]) {
-  const { roughness, metalness } = own;
-  return new MeshStandardMaterial({ color: new Color().setRGB(red, green, blue, "srgb"), roughness, metalness, side: own.side });
+/** The material of a part; null for that of its file. */
+function painted(own, colours, partColour, photoColour) {
+  const colour = { parts: partColour, photo: photoColour }[colours];
+  if (!colour) return null;
+  const { roughness, side } = own;
+  return new MeshStandardMaterial({ color: new Color().setRGB(...colour, "srgb"), roughness, side });
 }

@@ -38,8 +38,8 @@ function looks() {
     choice.addEventListener("change", () => state.set({ colours: choice.value }));
   }
   state.listen(({ open, results }) => {
-    const photo = Boolean(results[open?.result]?.candidates[Math.max(open.chosen, 0)]?.colours);
-    find("#look-photo").disabled = !photo;
+    const photo = results[open?.result]?.candidates[Math.max(open.chosen, 0)]?.colours;
+    find("#look-photo").disabled = !Object.keys(photo ?? {}).length;
   });
 }
 

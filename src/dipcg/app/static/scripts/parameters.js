@@ -56,7 +56,8 @@ function row(parameter) {
   const made = control(parameter);
   const label = make("label", { htmlFor: `p-${parameter.name}`, textContent: capital(parameter.label) });
   const unsure = make("em", { className: "unsure", title: "The picture leaves this open" });
-  const doc = [parameter.doc, shortUnit(parameter) ? "" : parameter.unit].filter(Boolean).join(" · ");
+  const told = parameter.doc === parameter.label ? "" : parameter.doc;
+  const doc = [told, shortUnit(parameter) ? "" : parameter.unit].filter(Boolean).join(" · ");
   const head = make("div", { className: "head" }, label, unsure, ...made.beside, hold);
   const line = doc ? make("p", { className: "doc", textContent: doc, title: doc }) : null;
   return make("div", { className: "row", data: { name: parameter.name } }, head, line, ...made.below);
@@ -86,7 +87,9 @@ function value(made, parameter, { params, held: kept }, sure, moving) {
   else if (moving !== name || !field.matches(":active")) field.value = now;
   if (number && !number.matches(":focus")) number.value = Number(now).toFixed(grain(parameter).digits);
   if (number) stretch(find(".band", made), band(parameter, now, known.spread?.[name] ?? 0));
-  find(".unsure", made).textContent = doubt(parameter, now, known);
+  const unsure = doubt(parameter, now, known);
+  find(".unsure", made).textContent = unsure;
+  made.classList.toggle("doubtful", Boolean(unsure));
   find(".hold", made).setAttribute("aria-pressed", String(isHeld));
 }
 

@@ -66,7 +66,7 @@ export const spelt = (value) => (typeof value === "boolean" ? (value ? "True" : 
 export function command({ name, ref, parameters }, { params, format, detail, faces, texture }) {
   const active = parameters.filter((one) => isActive(parameters, one.name, params));
   const settings = active.map((one) => quoted(`${one.name}=${spelt(params[one.name])}`));
-  const options = [detail === "light" && "--light", faces && `--faces ${faces}`, texture && `--texture ${texture}`];
+  const options = [detail !== "standard" && `--detail ${detail}`, faces && `--faces ${faces}`, texture && `--texture ${texture}`];
   const file = quoted(`${name}${format}`);
   return ["dipcg sample", quoted(ref ?? name), "--set", ...settings, ...options.filter(Boolean), "-o", file].join(" ");
 }
