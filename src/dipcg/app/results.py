@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from dipcg.app.colours import part_colours
 from dipcg.app.pictures import data_url
 from dipcg.app.studio import Studio
 from dipcg.images import MARGIN
-from dipcg.inference.colours import part_colours
 from dipcg.inference.estimate import Result, ranked
 from dipcg.inference.preview import TEXT_VIEW
 from dipcg.inference.rank import merge, order

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from boxes import TRUTH, VIEW
 
+from dipcg.app.colours import part_colours
 from dipcg.generators import load_generator
-from dipcg.inference.colours import part_colours
 from dipcg.render import Look, Renderer
 
 COLOURS = np.array([[0.8, 0.2, 0.2], [0.2, 0.7, 0.3], [0.2, 0.3, 0.9]])
