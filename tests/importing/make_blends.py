@@ -124,6 +124,45 @@ def linked() -> None:
     add("Box", ours.node_groups[0])
 
 
+def pictured(packed: bool) -> None:
+    """A plane whose points a picture lifts, with a material that another picture colours."""
+    image = bpy.data.images.new("height", 4, 4)
+    image.filepath_raw, image.file_format = str(FOLDER / "height.png"), "PNG"
+    image.save()
+    image.source = "FILE"
+    if packed:
+        image.pack()
+    tree = tree_of(KINDS[:1])
+    grid, move, result = (
+        tree.nodes.new(kind) for kind in ("GeometryNodeMeshGrid", "GeometryNodeSetPosition", "NodeGroupOutput")
+    )
+    texture = tree.nodes.new("GeometryNodeImageTexture")
+    texture.inputs["Image"].default_value = image
+    tree.links.new(tree.nodes.new("NodeGroupInput").outputs["Size"], grid.inputs["Size X"])
+    tree.links.new(grid.outputs[0], move.inputs["Geometry"])
+    tree.links.new(texture.outputs["Color"], move.inputs["Offset"])
+    tree.links.new(move.outputs[0], result.inputs[0])
+    coloured(add("Relief", tree))
+
+
+def coloured(obj: bpy.types.Object) -> None:
+    """A material with a picture that is not packed and not there, which changes no shape."""
+    material = bpy.data.materials.new("wood")
+    material.use_nodes = True
+    image = bpy.data.images.new("wood", 4, 4)
+    image.source, image.filepath = "FILE", "//wood.png"
+    material.node_tree.nodes.new("ShaderNodeTexImage").image = image
+    obj.data.materials.append(material)
+
+
+def picture_packed() -> None:
+    pictured(True)
+
+
+def picture_beside() -> None:
+    pictured(False)
+
+
 def trap() -> None:
     """A text that runs when Auto Run is on, and a driver that calls what it must not."""
     obj = add("Box", simple())
@@ -139,7 +178,7 @@ def trap() -> None:
 if __name__ == "__main__":
     FOLDER = Path(sys.argv[1]).resolve()
     bpy.context.preferences.filepaths.save_version = 0
-    for make in (kinds, two, plain, unseen, instances, curve, no_inputs, linked, trap):
+    for make in (kinds, two, plain, unseen, instances, curve, no_inputs, linked, trap, picture_packed, picture_beside):
         bpy.ops.wm.read_factory_settings(use_empty=True)
         make()
         bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / f"{make.__name__}.blend"), compress=True)

@@ -175,6 +175,7 @@ def test_a_wrong_range_is_named(capsys, blends, given, expected):
         ("plain.blend", [], "has a Geometry Nodes modifier"),
         ("curve.blend", [], "'Ring' has no faces"),
         ("no_inputs.blend", [], "no input of 'Box' can be a parameter (Note: string inputs are not parameters"),
+        ("picture_beside.blend", [], "height.png. In Blender, make it local"),
         ("linked.blend", [], "needs the geometry node tree 'tree' of //kinds.blend"),
         ("missing.blend", [], "There is no file"),
         ("text.blend", [], "text.blend is not a Blender file"),
@@ -305,3 +306,13 @@ def test_names_and_docs_of_any_letters_survive(tmp_path):
     (parameter,) = generator.space
     assert (parameter.name, parameter.doc, parameter.unit, parameter.group) == ("größe", odd, odd, odd)
     assert generator.doc == odd
+
+
+def test_a_packed_picture_shapes_the_object_and_no_other_file_is_read(made, blends):
+    found = import_blend(blends / "picture_packed.blend")
+    (before,) = built(found.path, {})
+    # The picture's path in the file is that of the folder where the file was made.
+    (made / "height.png").write_bytes(b"no picture")
+    (blends / "wood.png").write_bytes(b"no picture")
+    (after,) = built(found.path, {})
+    np.testing.assert_array_equal(before.vertices, after.vertices)

@@ -95,10 +95,14 @@ def save_with(_: object, place: Place, settings: Iterable[Setting], target: str)
 
     Raises ValueError with a sentence for a file that cannot be read or written.
     """
+    import bpy
+
     from dipcg.blender.scene import save
 
     path, name, modifier, group = place
     _set_inputs(find_inputs(open_object(path, name), modifier, tuple(group))[2], settings)
+    # The file is saved in one folder and then moved to another, so relative paths would lead elsewhere.
+    bpy.ops.file.make_paths_absolute()
     save(target)
 
 

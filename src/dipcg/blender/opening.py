@@ -99,8 +99,8 @@ def _names(things: Any) -> str:
     return ", ".join(thing.name for thing in things) or "none"
 
 
-def _needed_by(obj: Any) -> set[Any]:
-    """All data blocks that an object needs, directly or through others, and itself."""
+def _needed_by(obj: Any, without: tuple[type, ...] = ()) -> set[Any]:
+    """All data blocks that an object needs, directly or through others, and itself; none of or through some types."""
     import bpy
 
     uses = defaultdict(set)
@@ -109,7 +109,7 @@ def _needed_by(obj: Any) -> set[Any]:
             uses[user].add(used)
     needed, todo = {obj}, [obj]
     while todo:
-        new = uses[todo.pop()] - needed
+        new = {block for block in uses[todo.pop()] - needed if not isinstance(block, without)}
         needed |= new
         todo += new
     return needed
@@ -129,8 +129,23 @@ def _check_links(path: str, obj: Any, needed: set[Any]) -> None:
     kinds = (bpy.types.CacheFile, bpy.types.VectorFont, bpy.types.Volume)
     beside = [block for block in needed if isinstance(block, kinds)]
     files = {block.filepath for block in beside if not getattr(block, "packed_file", None)} - {"", "<builtin>"}
+    files |= _shaping_files(obj)
     if linked or files:
         raise ValueError(
             f"The object {obj.name!r} in {path} needs {', '.join(sorted(linked | files))}. In Blender, make it local "
             "(Object > Relations > Make Local) or pack it (File > External Data), and save."
         )
+
+
+def _shaping_files(obj: Any) -> set[str]:
+    """Files beside the Blender file that change the object's shape: pictures that are not packed, and baked motion.
+
+    Pictures of materials change no shape, and nothing reads them.
+    """
+    import bpy
+
+    needed = _needed_by(obj, without=(bpy.types.Material,))
+    pictures = [block for block in needed if isinstance(block, bpy.types.Image) and block.source != "GENERATED"]
+    objects = [block for block in needed if isinstance(block, bpy.types.Object)]
+    caches = {modifier.filepath for one in objects for modifier in one.modifiers if modifier.type == "MESH_CACHE"}
+    return ({picture.filepath for picture in pictures if not picture.packed_file} | caches) - {""}
