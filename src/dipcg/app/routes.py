@@ -172,10 +172,11 @@ async def get_events(job: TheJob, desk: TheDesk) -> AsyncIterator[models.JobAnsw
     """The job after each change, as server-sent events, until it is over."""
     seen = None
     while True:
-        answer, over = _answer(job, desk), job.is_over
-        if (job.version, answer.place) != seen:
-            seen = job.version, answer.place
-            yield answer
+        # What is read first may be too old when it is sent, and is then sent again.
+        over, now = job.is_over, (job.version, desk.estimating.place(job))
+        if now != seen:
+            seen = now
+            yield _answer(job, desk)
         if over:
             return
         await asyncio.sleep(LOOK_S)
@@ -198,7 +199,6 @@ def get_file(id: models.Id, name: models.Name, desk: TheDesk) -> FileResponse:
 
 def _answer(job: Job, desk: Desk) -> models.JobAnswer:
     place = None if job.is_over else desk.estimating.place(job)
-    # The version is read first, so that a change that comes meanwhile is seen again.
     return models.JobAnswer.model_validate(
         {"id": job.id, "kind": job.kind, "state": job.state, "share": job.share, "note": job.note}
         | {"place": place, "result": job.result, "error": job.error}
