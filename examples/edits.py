@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from dipcg.camera import View
+from dipcg.export.asset import Asset
 from dipcg.generators import load_generator
 from dipcg.images import save_image
 from dipcg.inference.preview import same_camera
@@ -54,8 +55,9 @@ def main(out: str) -> None:
     chair = load_generator("chair")
     start = chair.space.replace(chair.space.sample(np.random.default_rng(0)), CHAIR)
     with BuildPool("chair") as pool:
-        meshes = [pool.build(chair.space.replace(start, change)) for change in EDITS.values()]
-    tiles = same_camera(meshes, VIEW, SIDE)
+        every = [chair.space.replace(start, change) for change in EDITS.values()]
+        assets = [Asset(pool.build(params, "standard"), "chair", params) for params in every]
+    tiles = same_camera(assets, VIEW, SIDE)
     save_image(np.concatenate([captioned(*pair) for pair in zip(tiles, EDITS, strict=True)], 1), out)
 
 

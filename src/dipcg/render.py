@@ -99,22 +99,7 @@ class Renderer:
 
     @cached_property
     def _context(self) -> Any:
-        import moderngl
-
-        if _rendered_in - {os.getpid()}:
-            # Mesa would wait for threads that exist in the other process alone.
-            raise RuntimeError(
-                "This process was forked from one that had rendered, and OpenGL cannot go on there; "
-                "start it with multiprocessing's `spawn`, or render in one of the two only."
-            )
-        _rendered_in.add(os.getpid())
-        try:
-            return moderngl.create_context(standalone=True, backend="egl")  # pyright: ignore[reportArgumentType]
-        except Exception as error:
-            raise RuntimeError(
-                f"OpenGL through EGL could not be started ({error}). "
-                "On Debian or Ubuntu run `apt-get install libegl1 libgl1-mesa-dri`, then `dipcg doctor`."
-            ) from None
+        return open_context()
 
     @cached_property
     def _program(self) -> Any:
@@ -168,6 +153,26 @@ class Renderer:
         for item in self._loaded[1] if self._loaded else ():
             item.release()
         self._loaded = None
+
+
+def open_context() -> Any:
+    """A context without a window; raises RuntimeError with the command that helps when there is no working EGL."""
+    import moderngl
+
+    if _rendered_in - {os.getpid()}:
+        # Mesa would wait for threads that exist in the other process alone.
+        raise RuntimeError(
+            "This process was forked from one that had rendered, and OpenGL cannot go on there; "
+            "start it with multiprocessing's `spawn`, or render in one of the two only."
+        )
+    _rendered_in.add(os.getpid())
+    try:
+        return moderngl.create_context(standalone=True, backend="egl")  # pyright: ignore[reportArgumentType]
+    except Exception as error:
+        raise RuntimeError(
+            f"OpenGL through EGL could not be started ({error}). "
+            "On Debian or Ubuntu run `apt-get install libegl1 libgl1-mesa-dri`, then `dipcg doctor`."
+        ) from None
 
 
 def _projection(mesh: Mesh, view: View, to_camera: np.ndarray, margin: float | None) -> np.ndarray:

@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import OmitArgPrefixes, Positional, UseAppendAction, arg
 
@@ -18,7 +18,7 @@ from dipcg.generators import Detail
 if TYPE_CHECKING:
     from dipcg.export.asset import Asset
     from dipcg.generators import Generator
-    from dipcg.mesh import Mesh
+    from dipcg.results import Estimate
     from dipcg.space import Params
 
 Name = Annotated[str, arg(aliases=["-g"], metavar="NAME")]
@@ -44,6 +44,8 @@ class Written:
     """triangles to simplify to; all of the detail when left out"""
     texture: Annotated[int | None, arg(metavar="PIXELS")] = None
     """side in pixels of texture maps that are baked from Infinigen's materials, for glTF and USD"""
+    colours: Literal["photo", "material", "parts"] = "photo"
+    """colours without maps: of the photo, or of materials where there is none; of materials; one for each part"""
     material_seed: int = 0
     """random seed of the materials in maps and in .blend files"""
     json: bool = False
@@ -66,9 +68,11 @@ class Written:
         if self.texture is not None:
             check_texture(self.texture, self.output)
 
-    def finish(self, asset: Asset) -> Asset:
-        """The asset simplified and with texture maps, as the flags say; raises BlenderError."""
-        asset = replace(asset, material_seed=self.material_seed)
+    def finish(self, asset: Asset, estimate: Estimate | None = None) -> Asset:
+        """The asset simplified, with colours and texture maps, as the flags say; raises BlenderError."""
+        from dipcg.inference.colours import with_colours
+
+        asset = with_colours(replace(asset, material_seed=self.material_seed), self.colours, estimate)
         asset = asset if self.faces is None else asset.with_faces(self.faces)
         return asset if self.texture is None else _textured(asset, self.texture)
 
@@ -87,13 +91,16 @@ def _textured(asset: Asset, size: int) -> Asset:
     return made
 
 
-def sample(name: Positional[str], /, *, output: Options, seed: int = 0, set: Settings = ()) -> None:
+def sample(
+    name: Positional[str], /, *, output: Options, seed: int = 0, set: Settings = (), preview: Preview = None
+) -> None:
     """Build a random asset, or one with given parameters.
 
     Args:
         name: a generator's name, or the path of a Python or TOML file
         seed: random seed of the parameters
         set: fixed parameters, as name=value
+        preview: PNG file for a picture of the asset
     """
     import numpy as np
 
@@ -102,7 +109,8 @@ def sample(name: Positional[str], /, *, output: Options, seed: int = 0, set: Set
     check_outputs((output.output, output.params_out), (name,))
     generator = load_generator(name)
     params = generator.space.sample(np.random.default_rng(seed))
-    _build_and_write(generator, generator.space.replace(params, parse_settings(set)), output)
+    _check_preview(preview)
+    _build_and_write(generator, generator.space.replace(params, parse_settings(set)), output, preview=preview)
 
 
 def edit(
@@ -120,7 +128,6 @@ def edit(
         set: parameters to change, as name=value
         preview: PNG file for the asset before and after, from the same camera
     """
-    from dipcg.export.asset import check_target
     from dipcg.generators import load_generator
     from dipcg.space import params_from_json
 
@@ -129,9 +136,8 @@ def edit(
     generator = load_generator(name)
     before = generator.space.validate(params)
     after = generator.space.replace(before, parse_settings(set))
-    if preview is not None:
-        check_target(preview, (".png",))
-    _build_and_write(generator, after, output, preview and (before, preview))
+    _check_preview(preview)
+    _build_and_write(generator, after, output, before, preview)
 
 
 def parse_settings(settings: Sequence[Sequence[str]]) -> dict[str, str]:
@@ -150,6 +156,13 @@ def parse_settings(settings: Sequence[Sequence[str]]) -> dict[str, str]:
     return values
 
 
+def _check_preview(preview: Path | None) -> None:
+    from dipcg.export.asset import check_target
+
+    if preview is not None:
+        check_target(preview, (".png",))
+
+
 def _read(file: Path) -> str:
     try:
         return file.read_text()
@@ -159,30 +172,34 @@ def _read(file: Path) -> str:
 
 
 def _build_and_write(
-    generator: Generator, params: Params, written: Written, compared: tuple[Params, Path] | None = None
+    generator: Generator, params: Params, written: Written, before: Params | None = None, preview: Path | None = None
 ) -> None:
-    """Build and write an asset, print that, and draw the asset of other parameters beside it."""
+    """Build and write an asset, print that, and draw it, beside the asset of the parameters before if there are any."""
     from dipcg.export.asset import Asset
     from dipcg.workers.pool import BuildPool
 
     written.check()
     with BuildPool(generator) as pool:
         asset = Asset(pool.build(params, written.built), generator.ref, params)
-        if compared:
-            _draw_beside(pool.build(compared[0], written.built), asset.mesh, generator, compared[1])
+        others = [before] if preview and before else []
+        drawn = [Asset(pool.build(other, written.built), generator.ref, other) for other in others]
     asset = written.finish(asset)
     asset.export(written.output)
     if written.params_out is not None:
         asset.save_params(written.params_out)
+    if preview:
+        _draw([*drawn, asset], written, generator, preview)
     faces = len(asset.mesh.faces)
     made = {"generator": generator.name, "output": str(written.output), "faces": faces, "params": params}
     print(jsons.dumps(made) if written.json else f"Wrote {written.output}, {faces:,} triangles.")
 
 
-def _draw_beside(before: Mesh, after: Mesh, generator: Generator, path: Path) -> None:
+def _draw(assets: list[Asset], written: Written, generator: Generator, path: Path) -> None:
     import numpy as np
 
     from dipcg.images import save_image
+    from dipcg.inference.colours import with_colours
     from dipcg.inference.preview import same_camera
 
-    save_image(np.concatenate(same_camera([before, after], generator.views.middle), 1), path)
+    coloured = [with_colours(asset, written.colours) for asset in assets]
+    save_image(np.concatenate(same_camera(coloured, generator.views.middle), 1), path)

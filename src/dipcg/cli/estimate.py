@@ -264,12 +264,12 @@ def _check_outputs(written: Written, preview: Path | None) -> None:
 def _write(result: Result, inverter: Inverter, targets: Targets, written: Written) -> None:
     from dipcg.inference.preview import side_by_side
 
-    asset = written.finish(inverter.build(result.estimate.params, written.built))
+    asset = written.finish(inverter.build(result.estimate.params, written.built), result.estimate)
     asset.export(targets.output)
     if targets.params:
         asset.save_params(targets.params)
     if targets.preview:
-        side_by_side(result.estimate, asset.mesh, targets.preview)
+        side_by_side(result.estimate, asset, targets.preview)
 
 
 def _print(image: Path, result: Result, targets: Targets, json: bool) -> None:

@@ -49,10 +49,14 @@ class Asset:
         """The name of the generator, by which files call the asset."""
         return Path(self.generator).stem
 
+    @property
+    def materials(self) -> tuple[Finish, ...]:
+        """The plain material of each part."""
+        return self.finishes or finishes(self.generator, self.mesh.part_names)
+
     def scene(self, copies: bool = False) -> Scene:
         """What a file holds; with `copies` each shape that has some is there once."""
-        plain = self.finishes or finishes(self.generator, self.mesh.part_names)
-        return compose(self.mesh, self.name, plain, self.maps, copies)
+        return compose(self.mesh, self.name, self.materials, self.maps, copies)
 
     def with_faces(self, faces: int) -> Asset:
         """The asset simplified to about this number of triangles at most; without maps."""

@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
+from dipcg import studio
 from dipcg.camera import View
+from dipcg.export.asset import Asset
 from dipcg.images import MARGIN, over_white, prepare, save_image
-from dipcg.materials import PALETTE
 from dipcg.mesh import Mesh
 from dipcg.pipeline import Estimate
-from dipcg.render import Look, Renderer
+from dipcg.render import Renderer
 
 Tile = UInt8[np.ndarray, "s s 3"]
 SIDE = 384
@@ -22,20 +23,19 @@ SIDE = 384
 TEXT_VIEW = View(-30.0, 20.0, 2.5)
 
 
-def side_by_side(estimate: Estimate, mesh: Mesh, path: str | Path | None = None) -> UInt8[np.ndarray, "h w 3"]:
+def side_by_side(estimate: Estimate, asset: Asset, path: str | Path | None = None) -> UInt8[np.ndarray, "h w 3"]:
     """The picture as the model saw it, the result from the estimated camera, and the result turned by 60°.
 
     An estimate from text has no picture and no camera: its result is seen from two sides.
     """
-    renderer, from_text = Renderer(SIDE), estimate.background == "words"
+    from_text = estimate.background == "words"
     view = TEXT_VIEW if from_text else estimate.view
     turned = View(view.azimuth_deg + 60, 20.0, view.distance)
     photo = [] if from_text else [prepare(np.ascontiguousarray(estimate.image), SIDE)[0]]
-    drawn = [renderer.render(mesh, view, margin=MARGIN) for view in (view, turned)]
+    drawn = [studio.draw(asset.mesh, asset.materials, view, SIDE, MARGIN) for view in (view, turned)]
     sheet = np.concatenate([over_white(image) for image in (*photo, *drawn)], 1)
     if path:
         save_image(sheet, path)
-    renderer.close()
     return sheet
 
 
@@ -47,17 +47,13 @@ def contact_sheet(meshes: Sequence[Mesh], path: str | Path, columns: int = 8, si
     save_image(in_rows(tiles, columns), path)
 
 
-def same_camera(meshes: Sequence[Mesh], view: View, side: int = SIDE) -> list[Tile]:
-    """A picture of each mesh, all from one camera that sees them all; parts of one name have one colour."""
-    renderer, names = Renderer(side), list(dict.fromkeys(name for mesh in meshes for name in mesh.part_names))
-    looks = [Look(PALETTE[[names.index(name) % len(PALETTE) for name in mesh.part_names]]) for mesh in meshes]
-    every = np.concatenate([mesh.vertices for mesh in meshes])
+def same_camera(assets: Sequence[Asset], view: View, side: int = SIDE) -> list[Tile]:
+    """A picture of each asset, all from one camera that sees them all."""
+    every = np.concatenate([asset.mesh.vertices for asset in assets])
     # Vertices of no face are not drawn, but frame the picture and place the camera.
-    framed = [replace(mesh, vertices=np.concatenate([mesh.vertices, every])) for mesh in meshes]
-    pairs = zip(framed, looks, strict=True)
-    tiles = [over_white(renderer.render(mesh, view, look, MARGIN)) for mesh, look in pairs]
-    renderer.close()
-    return tiles
+    framed = [replace(one.mesh, vertices=np.concatenate([one.mesh.vertices, every])) for one in assets]
+    pairs = zip(framed, assets, strict=True)
+    return [over_white(studio.draw(mesh, asset.materials, view, side, MARGIN)) for mesh, asset in pairs]
 
 
 def in_rows(tiles: Sequence[Tile], columns: int) -> UInt8[np.ndarray, "h w 3"]:
