@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from dipcg.app.colours import part_colours
 from dipcg.app.pictures import data_url
 from dipcg.app.studio import Studio
-from dipcg.images import MARGIN
+from dipcg.images import MARGIN, crop_to_object
+from dipcg.inference.colours import photo_colours
+from dipcg.inference.compare import is_line_drawing
 from dipcg.inference.estimate import Result, ranked
 from dipcg.inference.preview import TEXT_VIEW
 from dipcg.inference.rank import merge, order
@@ -59,10 +60,12 @@ def thumbnail(candidate: Candidate) -> str:
 
 
 def _colours(estimate: Estimate, candidate: Candidate) -> PartColours:
-    """The colours of the picture on the parts of a built candidate; none for a sentence."""
-    if estimate.background == "words" or candidate.mesh is None:
+    """The colours of the picture on the parts of a built candidate; none for a sentence or a line drawing."""
+    mesh, from_words = candidate.mesh, estimate.background == "words"
+    if mesh is None or from_words or is_line_drawing(crop_to_object(estimate.image, TILE)):
         return {}
-    return part_colours(estimate.image, candidate.mesh, candidate.view, _renderer())
+    found = photo_colours(estimate.image, mesh, candidate.view)
+    return {mesh.part_names[number]: colour for number, colour in found.items()}
 
 
 def as_answer(result: Result, picture: str | None, judged: Judged | None = None) -> dict[str, Any]:
