@@ -1,0 +1,1 @@
+"""Attacks on the server, and on what reads and writes files: each is refused."""
