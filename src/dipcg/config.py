@@ -79,6 +79,10 @@ class AugmentConfig:
     """a box in front of the object"""
     eaten: float = 0.1
     """pieces of the object missing, as in a bad cut-out"""
+    lost: float = 0.05
+    """all missing that has one of the object's own colours"""
+    hollow: float = 0.03
+    """little left but the outline, as of glass"""
     lines: float = 0.08
     """a line drawing of the surface's folds and ends, as if by hand"""
     mask: float = 0.08
@@ -97,6 +101,10 @@ class AugmentConfig:
     """a piece of the floor left on white"""
     halo: float = 0.1
     """a rim of the ground's colour left around the object"""
+    pieces: float = 0.1
+    """pieces of a textured ground left on white, or all of it"""
+    beside: float = 0.05
+    """a part of another thing left behind or beside the object"""
     blur: float = 0.25
     """out of focus"""
     noise: float = 0.3

@@ -15,7 +15,8 @@ from dipcg.images import MARGIN
 from dipcg.images import edges as canny
 from dipcg.images import over_white as on_white
 from dipcg.render import Look, Renderer
-from dipcg.training.augment import augment, edges, hide, over_white
+from dipcg.training.augment import augment, edges, over_white
+from dipcg.training.faults import hide
 from dipcg.training.jpeg import compress
 
 NONE = AugmentConfig(**{field.name: 0.0 for field in fields(AugmentConfig)})
