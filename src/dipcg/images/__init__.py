@@ -1,6 +1,7 @@
 """The only preparation of pictures in the project: read one, cut the object out, crop it as training pictures are.
 
-An image is `UInt8[np.ndarray, "h w 4"]` with straight alpha.
+No file of the room imports torch when it is itself imported, except `segmenter.py`, which is imported when a picture is
+cut out. An image is `UInt8[np.ndarray, "h w 4"]` with straight alpha.
 """
 
 from dipcg.images.cutout import Background, Cutout, cut_by_colour, cut_out, prepare

@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float32, UInt8
-from PIL import Image
+from jaxtyping import Bool, UInt8
 
 from dipcg.images.formats import ImageError
+from dipcg.images.ground import border_of, find_ground
+from dipcg.images.photograph import Marks, grabcut, photo_alpha, plain_alpha
+from dipcg.images.pieces import one_thing, touched, without_specks
+from dipcg.images.plain import is_plain, known_from
 from dipcg.images.read import RGBA, Source, read_image
 from dipcg.images.views import crop_to_object
 
 Background = Literal["alpha", "plain", "photo"]
+# A line through points of a picture, each as pixels across and down.
+Stroke = Sequence[Sequence[float | int]]
 
 # Transparency that leaves a box of at least this share of each side, nearly filled, has trimmed a picture's edges or
 # corners, and has cut nothing out.
 TRIMMED_SIDE, TRIMMED_FILL = 0.9, 0.95
-# Share of the border's pixels that have nearly one colour on a plain background.
-PLAIN_SHARE = 0.8
-# The largest difference from the background's colour, in CIELAB, that still counts as background.
-PLAIN_DISTANCE = 14.0
-
-# The darkest and most coloured that a soft shadow may be in CIELAB, its steepest slope per pixel of 512 a side, and the
-# blur before the slope is measured.
-SHADOW_DEPTH, SHADOW_COLOUR, SHADOW_SLOPE, SHADOW_BLUR = 35.0, 5.0, 1.2, 1.0
+# The width of a stroke as a share of the picture's longer side.
+STROKE = 0.015
 
 
 @dataclass(frozen=True)
@@ -45,21 +45,24 @@ class Cutout:
         return crop_to_object(self.image, size)
 
 
-def cut_out(source: Source | Cutout) -> Cutout:
+def cut_out(source: Source | Cutout, foreground: Sequence[Stroke] = (), background: Sequence[Stroke] = ()) -> Cutout:
     """Read a picture and make everything but the object transparent; what is cut out already stays as it is.
 
-    A photograph is cut by rembg where it is installed, and by GrabCut (Rother et al. 2004) where it is not. Raises
-    ImageError for a picture that cannot be used, or when nothing is left of it.
+    Strokes over the object (`foreground`) and over what is not the object are in pixels of the picture as `load_image`
+    returns it, and decide over whatever else is found. Raises ImageError for a picture that cannot be used, or when
+    nothing is left of it.
     """
     if isinstance(source, Cutout):
         return source
     image, notes = read_image(source)
+    if foreground or background:
+        return _cut_by_strokes(image, foreground, background, notes)
     if (image[..., 3] < 128).mean() > 0.005 and not _only_trims(image[..., 3]):
         return Cutout(_not_empty(image), "alpha", notes)
     image = _untrimmed(image)
-    plain = _border_is_plain(image)
-    alpha = _plain_alpha(image) if plain else _photo_alpha(image)
-    return Cutout(_not_empty(np.dstack([image[..., :3], alpha])), "plain" if plain else "photo", notes)
+    alpha, kind = _alpha(image)
+    alpha, said = one_thing(without_specks(alpha))
+    return Cutout(_not_empty(np.dstack([image[..., :3], alpha])), kind, notes + said)
 
 
 def cut_by_colour(image: RGBA, difference: float) -> RGBA:
@@ -67,7 +70,7 @@ def cut_by_colour(image: RGBA, difference: float) -> RGBA:
 
     Raises ImageError when nothing is left.
     """
-    apart = _from_background(image) >= difference
+    apart = find_ground(image).distance >= difference
     return _not_empty(np.dstack([image[..., :3], np.where(apart, image[..., 3], 0).astype(np.uint8)]))
 
 
@@ -75,6 +78,41 @@ def prepare(source: Source | Cutout, size: int) -> tuple[UInt8[np.ndarray, "size
     """From any picture to what an encoder is given: read, cut out, cropped to the object."""
     cutout = cut_out(source)
     return cutout.crop(size), cutout.background
+
+
+def _alpha(image: RGBA) -> tuple[UInt8[np.ndarray, "h w"], Background]:
+    """What is the object of an opaque picture, and the kind of its ground."""
+    from dipcg.images.segmenter import probability
+
+    likely, ground = probability(image[..., :3]), find_ground(image)
+    if is_plain(ground):
+        return plain_alpha(image, likely, known_from(ground, likely)), "plain"
+    return photo_alpha(image, likely), "photo"
+
+
+def _cut_by_strokes(
+    image: RGBA, foreground: Sequence[Stroke], background: Sequence[Stroke], notes: tuple[str, ...]
+) -> Cutout:
+    """What belongs to the strokes over the object, where the first guess is what would be found without them."""
+    guess = (_alpha(_untrimmed(image))[0] / 255).astype(np.float32)
+    marks = Marks(_drawn(foreground, image.shape[:2]), _drawn(background, image.shape[:2]))
+    # Nothing is sure but the strokes.
+    alpha = grabcut(image, 0.1 + 0.8 * guess, marks)
+    alpha = touched(without_specks(np.where(marks.ground, 0, alpha).astype(np.uint8)), marks.object)
+    return Cutout(_not_empty(np.dstack([image[..., :3], np.minimum(alpha, image[..., 3])])), "photo", notes)
+
+
+def _drawn(strokes: Sequence[Stroke], size: tuple[int, ...]) -> Bool[np.ndarray, "h w"]:
+    """The pixels under the strokes."""
+    import cv2
+
+    canvas, width = np.zeros(size, np.uint8), max(1, round(STROKE * max(size)))
+    for stroke in strokes:
+        points = np.rint(np.asarray(stroke, float).reshape(-1, 2)).astype(np.int32)
+        cv2.polylines(canvas, [points[:, None]], False, (255,), width)
+        # A line of one point would not be seen.
+        cv2.circle(canvas, points[0].tolist(), (width + 1) // 2, (255,), -1)
+    return canvas > 0
 
 
 def _only_trims(alpha: UInt8[np.ndarray, "h w"]) -> bool:
@@ -90,10 +128,10 @@ def _only_trims(alpha: UInt8[np.ndarray, "h w"]) -> bool:
 def _untrimmed(image: RGBA) -> RGBA:
     """The picture with its transparent corners or edges in the colour that is beside them."""
     opaque = image[..., 3] == 255
-    if opaque.all():
+    if opaque.all() or not opaque.any():
         return image
     ys, xs = np.nonzero(opaque)
-    border = _border(image[ys.min() : ys.max() + 1, xs.min() : xs.max() + 1])
+    border = border_of(image[ys.min() : ys.max() + 1, xs.min() : xs.max() + 1])
     ground = np.median(border[border[:, 3] == 255], axis=0).astype(np.uint8)
     return np.where(opaque[..., None], image, ground)
 
@@ -103,90 +141,3 @@ def _not_empty(image: RGBA) -> RGBA:
     if share < 0.002:
         raise ImageError("No object was found in the picture: it is all background. Use one that shows the object.")
     return image
-
-
-def _lab(image: RGBA) -> Float32[np.ndarray, "h w 3"]:
-    import cv2
-
-    return cv2.cvtColor(image[..., :3].astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
-
-
-def _border(values: np.ndarray) -> np.ndarray:
-    return np.concatenate([values[0], values[-1], values[:, 0], values[:, -1]])
-
-
-def _from_background(image: RGBA) -> Float32[np.ndarray, "h w"]:
-    lab = _lab(image)
-    return np.linalg.norm(lab - np.median(_border(lab), axis=0), axis=-1)
-
-
-def _border_is_plain(image: RGBA) -> bool:
-    return bool((_border(_from_background(image)) < PLAIN_DISTANCE).mean() > PLAIN_SHARE)
-
-
-def _plain_alpha(image: RGBA) -> UInt8[np.ndarray, "h w"]:
-    """Opaque where the colour differs from the border's; holes between slats open too, shadows mostly vanish."""
-    distance = _from_background(image)
-    sharp = PLAIN_DISTANCE / 2
-    alpha = np.clip((distance - sharp / 2) / sharp, 0, 1)
-    outside = _with_soft_shadow(image, _connected_to_border(distance < PLAIN_DISTANCE / 3))
-    # A white seat on white stays where something encloses it.
-    light_inside = ~outside & (distance >= 1.0)
-    alpha = np.where(outside, 0, np.maximum(alpha, 0.999 * light_inside))
-    return _without_specks((alpha * 255).astype(np.uint8))
-
-
-def _with_soft_shadow(image: RGBA, outside: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
-    """Let the background grow into what is as colourless as it, not much darker, and without an edge.
-
-    A white object may look the same; where most of it would be lost, the background stays as it was.
-    """
-    import cv2
-
-    lab = cv2.GaussianBlur(_lab(image), (0, 0), SHADOW_BLUR * max(image.shape) / 512)
-    ground = np.median(_border(lab), axis=0)
-    slope = np.hypot(*(cv2.Sobel(lab[..., 0], -1, *axis) for axis in ((1, 0), (0, 1)))) / 8
-    faint = (ground[0] - lab[..., 0] < SHADOW_DEPTH) & (np.abs(lab - ground)[..., 1:].max(-1) < SHADOW_COLOUR)
-    grown = _connected_to_border(outside | (faint & (slope < SHADOW_SLOPE * 512 / max(image.shape))))
-    return grown if (grown & ~outside).sum() < 0.6 * (~grown).sum() else outside
-
-
-def _without_specks(alpha: UInt8[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
-    """Drop what is too small to be part of the object, but keep thin lines: a median would erase a drawing."""
-    import cv2
-
-    labels = np.asarray(cv2.connectedComponents((alpha > 32).astype(np.uint8), connectivity=8)[1], np.int64)
-    areas = np.bincount(labels.ravel())
-    # The background is no component.
-    areas[0] = 0
-    small = areas < max(4, 0.002 * areas.sum())
-    return np.where(small[labels], 0, alpha)
-
-
-def _connected_to_border(background: np.ndarray) -> np.ndarray:
-    import cv2
-
-    _, labels = cv2.connectedComponents(background.astype(np.uint8), connectivity=4)
-    touching = np.unique(_border(labels)[_border(background)])
-    return np.isin(labels, touching) & background
-
-
-def _photo_alpha(image: RGBA) -> UInt8[np.ndarray, "h w"]:
-    try:
-        from rembg import remove
-    except ImportError:
-        return _grabcut(image)
-    return np.asarray(remove(Image.fromarray(image[..., :3]), only_mask=True))
-
-
-def _grabcut(image: RGBA) -> UInt8[np.ndarray, "h w"]:
-    import cv2
-
-    height, width = image.shape[:2]
-    scale = min(1.0, 384 / max(height, width))
-    small = cv2.resize(np.ascontiguousarray(image[..., 2::-1]), None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    mask = np.zeros(small.shape[:2], np.uint8)
-    inset = [max(1, int(0.02 * side)) for side in (small.shape[1], small.shape[0])]
-    box = (*inset, small.shape[1] - 2 * inset[0], small.shape[0] - 2 * inset[1])
-    cv2.grabCut(small, mask, box, np.zeros((1, 65)), np.zeros((1, 65)), 5, cv2.GC_INIT_WITH_RECT)
-    return cv2.resize(np.where(mask & 1, 255, 0).astype(np.uint8), (width, height), interpolation=cv2.INTER_LINEAR)

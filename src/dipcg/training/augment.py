@@ -20,19 +20,8 @@ from jaxtyping import Bool, Float
 from torch import Generator, Tensor
 
 from dipcg.config import AugmentConfig
+from dipcg.training import faults
 from dipcg.training.draws import Pictures, Plane, Views, between, coordinates, drawn, gaussian, over, some
-from dipcg.training.faults import (
-    eat,
-    hide,
-    hollow,
-    lose,
-    over_background,
-    over_floor,
-    over_halo,
-    over_pieces,
-    over_shadow,
-    over_things,
-)  # fmt: skip
 from dipcg.training.jpeg import compress
 
 # The largest change of scale and position of "crop", as a share of the side.
@@ -51,8 +40,10 @@ def augment(
     Flips and cameras are drawn elsewhere, because they change the parameters and the camera that a picture shows.
     """
     views = resample(views, size, drawn(views, config.crop, rng), rng)
-    views = some(hide, views, config.hide, rng)
-    lost = some(hollow, some(lose, some(eat, views, config.eaten, rng), config.lost, rng), config.hollow, rng)
+    views = some(faults.hide, views, config.hide, rng)
+    lost = views
+    for fault, share in ((faults.eat, config.eaten), (faults.lose, config.lost), (faults.hollow, config.hollow)):
+        lost = some(fault, lost, share, rng)
     views = torch.where(normals[:, None, None, None], views, lost)
     choice = torch.rand(len(views), generator=rng, device=views.device)
     ends = torch.tensor([config.mask, config.mask + config.edges], device=views.device)
@@ -73,12 +64,12 @@ def photograph(config: AugmentConfig) -> Callable[[Views, Generator], Pictures]:
         views = some(bleach, views, config.pale, rng)
         pictures = over_white(views)
         for ground, share in (
-            (over_background, config.background),
-            (over_shadow, config.shadow),
-            (over_floor, config.floor),
-            (over_halo, config.halo),
-            (over_pieces, config.pieces),
-            (over_things, config.beside),
+            (faults.over_background, config.background),
+            (faults.over_shadow, config.shadow),
+            (faults.over_floor, config.floor),
+            (faults.over_halo, config.halo),
+            (faults.over_pieces, config.pieces),
+            (faults.over_things, config.beside),
         ):
             rows = drawn(views, share, rng).nonzero().flatten()
             if len(rows):
