@@ -36,7 +36,7 @@ ROOMS = {
     "pipeline": Room("data export model results", torch="anywhere"),
     "results": Room("images"),
     "export": Room("workers"),
-    "importing": Room("workers"),
+    "importing": Room("workers metrics"),
     "data": Room("workers"),
     "model": Room("encoders generators", torch="anywhere"),
     "workers": Room("generators"),

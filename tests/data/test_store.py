@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import dipcg
+from dipcg.cli import main
 from dipcg.data import store
 from dipcg.data.store import SPLITS, Local, Progress, Store, build_dataset, in_split
 from dipcg.generators import load_generator
@@ -144,6 +145,19 @@ WAYS_TO_FAIL = (
     "import os\n    if size < 1.2: raise RuntimeError('no leg')\n    if size < 1.4: return [[size] * 3], [[0, 1, 2]]\n"
     "    if size < 1.6: os._exit(3)\n    if size < 1.7: time.sleep(60)\n    if size < 1.8: return [], []"
 )
+
+
+def test_a_build_stops_early_and_exits_with_1_when_nothing_can_be_built(tmp_path, capsys):
+    (tmp_path / "broken.py").write_text(
+        "from dipcg.space import ParameterSpace, Real\n"
+        "space = ParameterSpace(Real('size', 1.0, 2.0))\ndef build(params):\n    return no_such_name\n"
+    )
+    with pytest.raises(SystemExit) as end:
+        main(["dataset", "build", str(tmp_path / "broken.py"), "-o", str(tmp_path / "data"), "--count", "5000"])
+    assert end.value.code == 1
+    said = capsys.readouterr().err
+    assert "All of the first 20 builds failed. The first: The generator raised NameError" in said
+    assert "(broken.py, line 4)" in said
 
 
 def test_every_kind_of_failure_is_counted_and_can_be_built_again(tmp_path):

@@ -22,7 +22,7 @@ from dipcg.cli.dataset import dataset_build, dataset_gallery, dataset_info
 from dipcg.cli.estimate import estimate
 from dipcg.cli.evaluate import evaluate
 from dipcg.cli.examples import example_for
-from dipcg.cli.generators import generators, generators_add
+from dipcg.cli.generators import generators, generators_add, generators_check
 from dipcg.cli.mcmc import mcmc
 from dipcg.cli.serve import serve
 from dipcg.cli.terminal import error_text
@@ -48,6 +48,7 @@ ABOUT += f"Every command takes {ALLOW} FILE.py: a Python file that a data file n
 COMMANDS = {
     "generators": generators,
     "generators add": generators_add,
+    "generators check": generators_check,
     "sample": sample,
     "estimate": estimate,
     "edit": edit,

@@ -5,6 +5,7 @@ from __future__ import annotations
 EXAMPLES = {
     "generators": "dipcg generators chair",
     "generators add": "dipcg generators add lamp.blend --range height=0.2:0.6",
+    "generators check": "dipcg generators check my_stool.py",
     "sample": "dipcg sample chair --seed 3 --set has_arm=1 -o chair.glb",
     "estimate": "dipcg estimate photo.png -g chair -o chair.glb --params-out chair.json --preview chair.png",
     "edit": "dipcg edit chair.json --set leg_height=0.6 -o taller.glb",

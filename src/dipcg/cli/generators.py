@@ -95,6 +95,24 @@ def _value(text: str) -> Any:
         return text
 
 
+def generators_check(name: Positional[str], /) -> None:
+    """Build a generator many times, and say what must be mended before it can be learned.
+
+    Args:
+        name: a generator's name, or the path of a Python or TOML file
+    """
+    from dipcg.cli.terminal import counter
+    from dipcg.importing.contracts import check
+
+    with counter("builds") as update:
+        findings = list(check(name, update))
+    for finding in findings:
+        print(f"{'Hint' if finding.is_hint else 'Mend'}: {finding.text}")
+    if any(not finding.is_hint for finding in findings):
+        raise SystemExit(1)
+    print(f"{name} keeps the contracts of a generator.")
+
+
 def _as_json(made: Imported) -> dict[str, Any]:
     rows = {row.name: row._asdict() for row in made.rows}
     return {"output": str(made.path), "parameters": rows, "left_out": made.left_out, "notes": made.notes}

@@ -30,6 +30,8 @@ from dipcg.workers.process import BuildError
 SHARD = 250
 # First and last twentieth of each split, by the number of the sample.
 SPLITS = {"train": (0, 18), "validation": (18, 19), "test": (19, 20)}
+# When so many builds fail from the start, none will work.
+HOPELESS = 20
 # Bins of a parameter's histogram.
 BINS = 16
 
@@ -57,9 +59,14 @@ class Counts:
         self.report(Progress(self.done, self.total, self.failed, self.done - self.before))
 
     def watch(self, builds: Iterable[Built]) -> Iterator[Built]:
-        """The same builds, each counted as it passes."""
-        for built in builds:
+        """The same builds, each counted as it passes; raises the first error when the first builds all fail."""
+        errors: list[BuildError] = []
+        for number, built in enumerate(builds, 1):
+            if isinstance(built.mesh, BuildError):
+                errors.append(built.mesh)
             self.add(1, isinstance(built.mesh, BuildError))
+            if number == len(errors) == min(HOPELESS, self.total):
+                raise ValueError(f"All of the first {number} builds failed. The first: {errors[0]} {errors[0].hint}")
             yield built
 
 
@@ -100,8 +107,8 @@ def build_dataset(
     """Sample `count` parameter sets, build and store them; returns the number of failures.
 
     Shards that are there already stay. Wherever shards are built, they are written here. Raises ValueError when the
-    folder holds other data, another process builds in it, or `count` is not positive; OSError when it cannot be written
-    to; and BuildError when no worker can start, which is not the fault of a sample.
+    folder holds other data, another process builds in it, `count` is not positive, or nothing can be built; OSError
+    when it cannot be written to; and BuildError when no worker can start, which is not the fault of a sample.
     """
     draws, folder = Draws(load_generator(ref), seed, drawing), Path(folder)
     if count < 1:
