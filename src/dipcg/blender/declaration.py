@@ -13,6 +13,7 @@ from typing import Any
 
 from dipcg.blender.sockets import Place, Setting
 from dipcg.mesh import Mesh
+from dipcg.registry import check_allowed
 from dipcg.space import Choice, Parameter, ParameterSpace, Params, Real, did_you_mean
 
 # The identifier and the component of the input of each parameter.
@@ -85,6 +86,9 @@ def _declared(top: dict[str, Any], path: Path) -> SimpleNamespace:
     check_keys(top, TOP, ("blend", "object", "sha256", "parameters"), "the file")
     for name, entry in top["parameters"].items():
         check_keys(entry, KEYS, ("input", "kind"), name)
+    if top.get("blender"):
+        # The program would run, and a file may name any.
+        check_allowed(path)
     space = ParameterSpace(*(parameter_of(name, entry) for name, entry in top["parameters"].items()))
     blend = _unchanged(path.parent / top["blend"], top["sha256"])
     inputs = {name: (entry["input"], entry.get("component", "")) for name, entry in top["parameters"].items()}

@@ -19,6 +19,7 @@ from dipcg.importing.limits import NUMBERS, set_limits
 from dipcg.importing.probing import probe
 from dipcg.importing.program import check_program
 from dipcg.importing.trials import Trials
+from dipcg.registry import allow_code
 from dipcg.workers.rpc import Blender, BlenderError
 
 TIMEOUT_S = 120.0
@@ -94,6 +95,7 @@ def _draft(top: Entry, entries: dict[str, Entry]) -> Iterator[Path]:
     with TemporaryDirectory(prefix="dipcg-") as folder:
         path = Path(folder) / "draft.toml"
         path.write_text(write_declaration(top, entries, path), encoding="utf-8")
+        allow_code(path)
         yield path
 
 
@@ -136,6 +138,8 @@ def _free(path: Path) -> Path:
 def _write(path: Path, text: str) -> None:
     """Write the file, and delete it again if it cannot be read."""
     path.write_text(text, encoding="utf-8")
+    # The user has named the program of another Blender that it may have.
+    allow_code(path)
     try:
         read_declaration(path)
     except ValueError:
