@@ -27,9 +27,10 @@ class Desk:
         self.studio = studio
         self.pictures, self.jobs = Pictures(), Jobs()
         self.estimating, self.making = Estimating(studio, self.pictures), Making(studio, folder)
-        self.previews, self.uploads = Budget(MOST_PREVIEWS), Budget(MOST_UPLOADING_BYTES)
-        # One picture is decoded at a time, so that no more memory is needed than for one.
-        self.decoding = anyio.CapacityLimiter(1)
+        self.previews, self.cut_outs = Budget(MOST_PREVIEWS), Budget(MOST_PREVIEWS)
+        self.uploads = Budget(MOST_UPLOADING_BYTES)
+        # One picture is decoded at a time, so that no more memory is needed than for one; and two are cut out.
+        self.decoding, self.cutting = anyio.CapacityLimiter(1), anyio.CapacityLimiter(2)
 
     async def sweep_for_ever(self) -> None:
         """Let go what was kept long enough."""

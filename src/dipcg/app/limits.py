@@ -18,7 +18,7 @@ MOST_UPLOADING_BYTES = 20 * MOST_PICTURE_BYTES
 
 # What a request may ask for.
 MOST_CANDIDATES, MOST_LETTERS, MOST_TEXTURE, MOST_FACES = 32, 500, 2048, 2_000_000
-# Jobs that wait or run, and previews that are being built, above which a request is turned away.
+# Jobs, and previews and cut-outs, that wait or are made, above which a request is turned away.
 MOST_JOBS, MOST_PREVIEWS = 100, 50
 # Seconds after which a build is stopped, and after which it keeps no others waiting.
 BUILD_S, PATIENCE_S = 30.0, 2.0

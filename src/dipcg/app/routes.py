@@ -115,8 +115,8 @@ def delete_picture(id: models.Id, desk: TheDesk) -> None:
 @router.post("/pictures/{id}/object")
 async def post_object(id: models.Id, wanted: Corrections, desk: TheDesk, owner: Owner) -> models.CutOut:
     """Cut the object out; the result is a picture too."""
-    work = _cutter(desk, id, wanted)
-    found: Cutout = await anyio.to_thread.run_sync(work)
+    with desk.cut_outs.take(1):
+        found: Cutout = await anyio.to_thread.run_sync(_cutter(desk, id, wanted), limiter=desk.cutting)
     name, kept = desk.pictures.add(found, owner)
     return models.CutOut(picture=_kept_picture(name, kept), how=found.background, sentence=SENTENCES[found.background])
 
