@@ -101,10 +101,14 @@ class Generator:
 
         Raises ValueError for an unusable mesh, and whatever the generator raises.
         """
-        if detail != "light":
-            full = as_mesh(self.build_full(params))
-            return full if detail == "full" else standard(full)
-        return simplify(as_mesh((self.build_light or self.build_full)(params)), self.light_faces)
+        light = self.build_light if detail == "light" else None
+        return self.reduced(as_mesh((light or self.build_full)(params)), detail)
+
+    def reduced(self, mesh: Mesh, detail: Detail) -> Mesh:
+        """A full mesh, or for light detail what `build_light` gives, with the triangles of a level of detail."""
+        if detail == "light":
+            return simplify(mesh, self.light_faces)
+        return mesh if detail == "full" else standard(mesh)
 
 
 def load_generator(ref: str) -> Generator:

@@ -119,10 +119,13 @@ class BuildPool:
             child.start()
             self._turns.begin(partial(self._give_up, child))
             started = time.perf_counter()
-            mesh = child.request((params, detail), self.timeout_s)
+            # Another Blender has no packages that reduce a mesh.
+            foreign = bool(self.generator.blender)
+            mesh = child.request((params, "full" if foreign else detail), self.timeout_s)
             seconds = time.perf_counter() - started
             if not isinstance(mesh, Mesh):
                 raise BuildError("crashed", NO_MESSAGE)
+            mesh = self.generator.reduced(mesh, detail) if foreign else mesh
         except BuildError as error:
             given_up = child in self._given_up
             reason, words = ("timeout", STOPPED) if given_up else (error.reason, str(error))
