@@ -45,7 +45,8 @@ def blocks(title: str, language: str) -> list[str]:
 
 
 def commands(title: str) -> list[str]:
-    return [line for block in blocks(title, "sh") for line in block.splitlines()]
+    lines = [line for block in blocks(title, "sh") for line in block.splitlines()]
+    return [line for line in lines if line and not line.startswith("#")]
 
 
 def write_file(title: str) -> Path:
@@ -89,9 +90,10 @@ def inside(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def test_the_page_has_three_recipes_and_every_block_is_one_that_is_run():
-    titles = ["A Blender file", "A Python function", "A function of another library"]
-    assert re.findall(r"^## (.*)$", PAGE, re.MULTILINE)[:3] == titles
+def test_the_page_has_four_recipes_and_every_block_is_one_that_is_run():
+    # The programs with a seed are run by tests/importing/test_seeded.py.
+    titles = ["A Blender file", "A program with a seed", "A Python function", "A function of another library"]
+    assert re.findall(r"^## (.*)$", PAGE, re.MULTILINE)[:4] == titles
     known = sum(len(blocks(title, language)) for title in titles for language in ("sh", "python", "toml"))
     assert PAGE.count("```") == 2 * known
 
