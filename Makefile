@@ -46,7 +46,7 @@ PACKAGES := libglib2.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri libxrender1
 MACHINE_PYTHON := $(or $(shell command -v python3.11),$(shell command -v python3),python3)
 HEADERS := import os, sysconfig; raise SystemExit(not os.path.exists(sysconfig.get_path("include") + "/Python.h"))
 
-.PHONY: help install system environment demo test fast lint format bench checkpoints audit pins wheel-check image image-check clean
+.PHONY: help install system environment demo test fast lint format bench checkpoints audit pins wheel-check image image-check newer-blender other-python clean
 
 help:
 	@sed -n 's/^# \{0,1\}//p;/^SHELL/q' Makefile
@@ -95,6 +95,20 @@ test: install
 
 fast: install
 	$(BIN)/python -m pytest -n 2 -m 'not blender and not browser and not slow' $(ARGS)
+
+# Blender 4.5 in an environment of its own, for the tests of `dipcg generators add --blender`.
+newer-blender: $(UV_PROGRAM)
+	@[ -x .newer-blender/bin/python ] || $(UV) venv --quiet --python '$(PYTHON)' .newer-blender
+	$(UV) pip install --quiet --python .newer-blender/bin/python 'bpy==4.5.*' numpy
+
+# dipcg without Infinigen on another Python: its newest packages, and the tests of generators and of building.
+other-python: OTHER := 3.13
+other-python: $(UV_PROGRAM)
+	@[ -x .other-python/bin/python ] || $(UV) venv --quiet --python '$(OTHER)' .other-python
+	$(UV) pip install --quiet $(if $(TORCH),--torch-backend $(TORCH)) --python .other-python/bin/python \
+	  . beartype hypothesis pytest pytest-xdist
+	.other-python/bin/python -m pytest -n 2 -m 'not blender and not browser and not slow' \
+	  tests/importing tests/workers tests/generators tests/test_space.py tests/test_mesh.py $(ARGS)
 
 lint: install
 	$(BIN)/ruff check
@@ -148,4 +162,4 @@ image-check:
 	status=$$?; kill %1; exit $$status
 
 clean:
-	rm -rf $(VENV) .uv .pytest_cache .ruff_cache build dist
+	rm -rf $(VENV) .uv .newer-blender .other-python .pytest_cache .ruff_cache build dist

@@ -213,7 +213,9 @@ def test_one_of_several_objects_is_chosen_by_name(blends):
 
 
 def test_nothing_in_the_file_runs(blends, made):
-    (mesh,) = built(import_blend(blends / "trap.blend").path, {"size": 1.0})
+    found = import_blend(blends / "trap.blend")
+    assert any("Python drivers" in note and note.endswith("would set location.") for note in found.notes)
+    (mesh,) = built(found.path, {"size": 1.0})
     assert mesh.side == pytest.approx(1)
     assert not list(made.glob("*-ran"))
     with_scripts = f"import bpy; bpy.ops.wm.open_mainfile(filepath={str(blends / 'trap.blend')!r}, use_scripts=True)"
