@@ -92,14 +92,14 @@ FAMILIES = {
         ("materials.plastic:PlasticRough", "materials.plastic:PlasticRough", "materials.wood:Wood"),
     ),
     "plastic": Family(Finish("plastic", (0.66, 0.68, 0.70), 0.5), ("materials.plastic:PlasticRough",)),
-    "petal": Family(Finish("petal", (0.93, 0.66, 0.73), 0.6), ("objects.grassland.flower:shader_petal",)),
+    "petal": Family(Finish("plant", (0.93, 0.66, 0.73), 0.6), ("objects.grassland.flower:shader_petal",)),
     "flower centre": Family(
         Finish("seeds", (0.80, 0.60, 0.20), 0.8), ("objects.grassland.flower:shader_flower_center",)
     ),
     "green": Family(
-        Finish("green", (0.43, 0.55, 0.27), 0.6), ("materials.plant.simple_greenery:shader_simple_greenery",)
+        Finish("plant", (0.43, 0.55, 0.27), 0.6), ("materials.plant.simple_greenery:shader_simple_greenery",)
     ),
-    "white": Family(Finish("down", (0.92, 0.91, 0.86), 0.85), ("materials.plant.simple_whitish:shader_simple_white",)),
+    "white": Family(Finish("white", (0.92, 0.91, 0.86), 0.85), ("materials.plant.simple_whitish:shader_simple_white",)),
 }
 # Colours that tell parts apart, one after the other.
 PALETTE = np.array(

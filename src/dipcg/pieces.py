@@ -48,7 +48,8 @@ def pieces(mesh: Mesh, maps: Maps | None = None, copies: bool = False) -> Iterat
             yield _piece(part, name, chosen(mesh, here), uv)
         for alike in found:
             if mesh.parts[alike.faces[0, 0]] == part:
-                yield replace(_piece(part, name, drop_degenerate(alike.shape(mesh))), places=alike.places)
+                own = f"{name}_copies" if len(here) else name
+                yield replace(_piece(part, own, drop_degenerate(alike.shape(mesh))), places=alike.places)
 
 
 def polygons(faces: Int32[np.ndarray, "f 3"], quads: Int32[np.ndarray, " f"] | None) -> tuple[np.ndarray, np.ndarray]:

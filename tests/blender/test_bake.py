@@ -56,7 +56,7 @@ def maps(blender, asset) -> Maps:
 def opened(blender, asset, tmp_path_factory) -> dict:
     """What a fresh Blender finds in the files that another one wrote."""
     folder = tmp_path_factory.mktemp("blend")
-    blender.call("scene:write_blend", asset.mesh, "box", SEED, "{}", str(folder / "box.blend"))
+    blender.call("outliner:write_blend", asset.mesh, "box", "box", SEED, "{}", str(folder / "box.blend"))
     _, place, settings = live_settings(LAMP, lamp_params())
     blender.call("geometry_nodes:save_with", place, settings, str(folder / "lamp.blend"))
     command = [sys.executable, "-c", OPEN, str(folder), str(LAMP), json.dumps(lamp_params())]
@@ -83,9 +83,12 @@ def points(name):
     seen = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
     return obj, np.array([[*(obj.matrix_world @ v.co)] for v in seen.to_mesh().vertices])
 
-box, vertices = points("box")
-slots = [m.name for m in box.data.materials]
-found = {"slots": slots, "parts": [p.material_index for p in box.data.polygons], "vertices": vertices.tolist()}
+bpy.ops.wm.open_mainfile(filepath=f"{folder}/box.blend")
+(root,) = [o for o in bpy.data.objects if o.parent is None]
+found = {"root": root.name, "parameters": root["dipcg"], "parts": {}}
+for part in root.children:
+    faces = [[[*(part.matrix_world @ part.data.vertices[v].co)] for v in p.vertices] for p in part.data.polygons]
+    found["parts"][part.name] = {"slots": [m.name for m in part.data.materials], "faces": faces}
 obj, vertices = points("lamp")
 inputs = {key: value for key, value in obj.modifiers[0].items() if isinstance(value, (int, float))}
 found["lamp"] = {"inputs": inputs, "bounds": [vertices.min(0).tolist(), vertices.max(0).tolist()]}
@@ -97,10 +100,12 @@ os._exit(0)
 
 @needs_blender
 @pytest.mark.blender
-def test_a_blend_has_the_vertices_and_a_material_for_each_part(asset, opened):
-    np.testing.assert_allclose(opened["vertices"], asset.mesh.vertices, atol=1e-6)
-    assert opened["parts"] == asset.mesh.parts.tolist()
-    assert opened["slots"] == ["plastic: PlasticRough"] * len(asset.mesh.part_names)
+def test_a_blend_has_a_root_and_an_object_with_a_material_for_each_part(asset, opened):
+    assert (opened["root"], opened["parameters"]) == ("box", "{}")
+    for part, name in enumerate(asset.mesh.part_names):
+        faces = asset.mesh.vertices[asset.mesh.faces[asset.mesh.parts == part]]
+        np.testing.assert_allclose(opened["parts"][name]["faces"], faces, atol=1e-6)
+        assert opened["parts"][name]["slots"] == ["plastic: PlasticRough"]
 
 
 @needs_blender
@@ -155,7 +160,7 @@ def test_cycles_sees_what_our_renderer_sees(asset, blender):
 @pytest.mark.blender
 def test_what_blender_refuses_is_a_sentence(blender, asset, tmp_path):
     with pytest.raises(BlenderError, match="Blender cannot write"):
-        blender.call("scene:write_blend", asset.mesh, "box", SEED, "{}", str(tmp_path / "no/such/folder/a.blend"))
+        blender.call("outliner:write_blend", asset.mesh, "box", "box", SEED, "{}", str(tmp_path / "no/folder/a.blend"))
     with pytest.raises(BlenderError, match="cannot open"):
         blender.call("geometry_nodes:save_with", (__file__, "Lamp", "", ()), [], str(tmp_path / "a.blend"))
 

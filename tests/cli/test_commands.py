@@ -230,7 +230,7 @@ def test_numbers_below_one_are_refused(capsys, untrained, picture, flag):
 @pytest.mark.parametrize(
     ("output", "expected"),
     [
-        ("a.fbx", "a.fbx has no known ending; use one of .glb, .gltf, .obj, .ply, .stl, .usdz"),
+        ("a.max", "a.max has no known ending; use one of .glb, .gltf, .obj, .ply, .stl, .usdz"),
         ("a", "a has no known ending"),
         ("no/such/a.glb", "The folder no/such does not exist; make it first"),
         ("folder.glb", "folder.glb cannot be written (Is a directory)."),

@@ -228,7 +228,7 @@ def test_usd_finds_a_name_for_every_part(tmp_path, names):
 # Refused before any work
 
 
-@pytest.mark.parametrize("name", ["chair.fbx", "chair", "chair.glb.zip", ".glb"])
+@pytest.mark.parametrize("name", ["chair.max", "chair", "chair.glb.zip", ".glb"])
 def test_an_unknown_ending_is_refused_with_the_known_ones(tmp_path, name):
     with pytest.raises(ExportError, match=r"no known ending; use one of \.glb, \.gltf, \.obj, \.ply, \.stl"):
         check_target(tmp_path / name)
@@ -262,7 +262,7 @@ def test_checking_leaves_no_file_and_no_change(tmp_path):
 
 def test_an_asset_is_not_written_where_it_cannot_be(asset, tmp_path):
     with pytest.raises(ExportError, match="no known ending"):
-        asset.export(tmp_path / "chair.fbx")
+        asset.export(tmp_path / "chair.max")
     assert list(tmp_path.iterdir()) == []
 
 

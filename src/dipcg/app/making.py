@@ -17,7 +17,7 @@ from dipcg.app.limits import FILES_BYTES, FILES_OF_ONE, KEPT_S
 from dipcg.app.models import AssetRequest
 from dipcg.app.store import Store
 from dipcg.app.studio import Studio
-from dipcg.export.asset import BLEND, FORMATS, NEEDS, TEXTURED, Asset, ExportError
+from dipcg.export.asset import BLEND, FBX, FORMATS, NEEDS, TEXTURED, Asset, ExportError
 from dipcg.export.gltf import glb
 from dipcg.mesh import Mesh
 from dipcg.space import params_to_json
@@ -50,7 +50,7 @@ class Making:
         build = self._studio.submit(request.generator, request.params, request.detail)
         job.report(0.1, "Building")
         job.watch(build.cancel)
-        threads = self._blender if request.texture or request.format == BLEND else self._writing
+        threads = self._blender if request.texture or request.format in (BLEND, FBX) else self._writing
         build.add_done_callback(lambda build: self._write_later(threads, ordered, build))
 
     def file(self, name: str) -> Path:

@@ -23,13 +23,6 @@ SENSOR_MM = 36.0
 MAX_THREADS = 16
 
 
-def write_blend(_: Report, mesh: Mesh, generator: str, seed: int, params: str, target: str) -> None:
-    """Write a Blender file with one object: a slot and one of Infinigen's materials for each part."""
-    obj = new_object(mesh, generator, seed)
-    obj[PARAMETERS] = params
-    save(target)
-
-
 def photograph(
     _: Report, mesh: Mesh, generator: str, seed: int, view: View, size: int, samples: int, margin: float
 ) -> UInt8[np.ndarray, "size size 4"]:
@@ -42,7 +35,7 @@ def photograph_file(
     _: Report, path: str, seed: int, view: View, size: int, samples: int, margin: float
 ) -> UInt8[np.ndarray, "size size 4"]:
     """A picture of a GLB as Blender reads it."""
-    _empty_file()
+    empty_file()
     import bpy
 
     with silence():
@@ -54,7 +47,7 @@ def photograph_file(
 
 def new_object(mesh: Mesh, generator: str, seed: int) -> Any:
     """The mesh with smooth normals and materials, alone in an empty file."""
-    _empty_file()
+    empty_file()
     import bpy
 
     shape = bpy.data.meshes.new("asset")
@@ -163,7 +156,8 @@ def _drawn(mesh: Mesh, seed: int, view: View, size: int, samples: int, margin: f
         return np.array(Image.open(scene.render.filepath))
 
 
-def _empty_file() -> None:
+def empty_file() -> None:
+    """Close the open file, and begin an empty one in metres."""
     with silence():
         import bpy
 

@@ -33,7 +33,7 @@ class Written:
     """The files to write."""
 
     output: Output
-    """mesh to write: .glb, .gltf, .obj, .ply, .stl, .usdz, .usd, .usda, .usdc or .blend"""
+    """mesh to write: .glb, .gltf, .obj, .ply, .stl, .usdz, .usd, .usda, .usdc, .fbx or .blend"""
     params_out: Path | None = None
     """JSON file for the parameters"""
     detail: Detail = "standard"

@@ -15,14 +15,15 @@ from dipcg.space import Params, params_to_json
 from dipcg.surface import Maps
 
 GLTF, USD, BLEND = (".glb", ".gltf"), (".usdz", ".usd", ".usda", ".usdc"), ".blend"
-FORMATS = (*GLTF, ".obj", ".ply", ".stl", *USD, BLEND)
+FBX = ".fbx"
+FORMATS = (*GLTF, ".obj", ".ply", ".stl", *USD, FBX, BLEND)
 # The formats that hold texture maps.
 TEXTURED = (*GLTF, *USD)
 # The least and the most pixels along a side of a map.
 MAP_SIZES = (16, 8192)
 # By suffix, the module that a format needs and the command that installs it.
 NEEDS = dict.fromkeys(USD, ("pxr", "pip install 'dipcg[usd]'"))
-NEEDS |= {BLEND: ("bpy", "pip install 'dipcg[infinigen]' (Python 3.11)")}
+NEEDS |= dict.fromkeys((FBX, BLEND), ("bpy", "pip install 'dipcg[infinigen]' (Python 3.11)"))
 
 
 class ExportError(ValueError):
@@ -134,7 +135,11 @@ def _write(asset: Asset, path: Path) -> None:
     elif suffix == BLEND:
         from dipcg.export.blend import write_blend
 
-        write_blend(asset.mesh, asset.generator, asset.params, asset.material_seed, path)
+        write_blend(on_floor(asset.mesh), asset.generator, asset.params, asset.material_seed, path)
+    elif suffix == FBX:
+        from dipcg.export.blend import write_fbx
+
+        write_fbx(on_floor(asset.mesh), asset.name, asset.materials, path)
     elif suffix == ".obj":
         from dipcg.export.obj import write_obj
 

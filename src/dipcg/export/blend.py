@@ -1,10 +1,12 @@
-"""Assets as Blender files: Infinigen's materials, or a Geometry Nodes modifier whose inputs stay live."""
+"""Assets through Blender: its own files, with Infinigen's materials or live Geometry Nodes, and FBX."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 
 from dipcg.blender.declaration import live_settings
+from dipcg.materials import Finish
 from dipcg.mesh import Mesh
 from dipcg.space import Params, params_to_json
 from dipcg.workers.rpc import Blender
@@ -21,5 +23,11 @@ def write_blend(mesh: Mesh, generator: str, params: Params, seed: int, path: Pat
             blender.call("geometry_nodes:save_with", place, settings, str(path.absolute()))
     else:
         with Blender() as blender:
-            text = params_to_json(params, generator)
-            blender.call("scene:write_blend", mesh, generator, seed, text, str(path.absolute()))
+            arguments = mesh, generator, Path(generator).stem, seed, params_to_json(params, generator)
+            blender.call("outliner:write_blend", *arguments, str(path.absolute()))
+
+
+def write_fbx(mesh: Mesh, name: str, finishes: tuple[Finish, ...], path: Path) -> None:
+    """Write the mesh as FBX, with plain materials; raises workers.rpc.BlenderError with a sentence."""
+    with Blender() as blender:
+        blender.call("outliner:write_fbx", mesh, name, [asdict(finish) for finish in finishes], str(path.absolute()))

@@ -1,0 +1,222 @@
+"""Quads and copies in files, and standard detail: what independent readers find."""
+
+import json
+import struct
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from dipcg.copies import find_copies
+from dipcg.detail import TOLERANCE, standard
+from dipcg.evaluation.topology import quads_in
+from dipcg.export.asset import USD, Asset
+from dipcg.export.gltf import write_gltf
+from dipcg.generators import load_generator
+from dipcg.mesh import Mesh, Solid, join, make_mesh, pairs, triangulate
+
+needs_blender = pytest.mark.skipif(bool(load_generator("chair").missing), reason="Infinigen is not installed")
+
+CUBE = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], np.float32)
+SIDES = np.array([[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]])
+COPIES = 12
+
+
+def cube() -> Mesh:
+    """A cube of six quads."""
+    faces, polygon = triangulate(np.full(6, 4), SIDES.ravel())
+    return make_mesh(CUBE, faces, quads=pairs(polygon.astype(np.int32)))
+
+
+@pytest.fixture
+def sown() -> Asset:
+    """A block with seeds on it, each turned, scaled along its axes, and moved."""
+    rng, seed = np.random.default_rng(0), trimesh.creation.icosphere(subdivisions=3)
+    shape = seed.vertices * [0.01, 0.02, 0.05]
+    turns, scales = Rotation.random(COPIES, random_state=0).as_matrix(), rng.uniform(0.5, 1.5, COPIES)
+    places = rng.uniform(0, 1, (COPIES, 3))
+    seeds = [Solid("seed", (s * shape) @ r.T + t, seed.faces) for s, r, t in zip(scales, turns, places, strict=True)]
+    return Asset(join([Solid("block", CUBE, cube().faces), *seeds]), "garden", {})
+
+
+def glb_json(path) -> dict:
+    data = path.read_bytes()
+    return json.loads(data[20 : 20 + struct.unpack_from("<I", data, 12)[0]])
+
+
+# Quads
+
+
+def test_an_obj_has_quads(tmp_path):
+    path = Asset(cube(), "box", {}).export(tmp_path / "a.obj")
+    assert quads_in(path) == 1
+    corners = trimesh.load(path, process=False)
+    assert corners.area == pytest.approx(6)
+    assert corners.is_watertight or trimesh.Trimesh(corners.vertices, corners.faces).is_watertight
+
+
+def test_a_quad_that_lost_a_half_is_a_triangle(tmp_path):
+    whole = cube()
+    torn = replace(whole, faces=whole.faces[1:], parts=whole.parts[1:], quads=whole.quads[1:])
+    lines = Asset(torn, "box", {}).export(tmp_path / "a.obj").read_text().splitlines()
+    assert sorted(len(line.split()) - 1 for line in lines if line.startswith("f ")) == [3, 4, 4, 4, 4, 4]
+
+
+def test_a_ply_has_quads(tmp_path):
+    content = Asset(cube(), "box", {}).export(tmp_path / "a.ply").read_bytes()
+    header, _, body = content.partition(b"end_header\n")
+    assert b"element face 6" in header
+    assert b"element vertex 8" in header
+    faces = np.frombuffer(body[8 * 12 :], [("size", "u1"), ("corners", "<i4", 4), ("part", "u1")])
+    assert (faces["size"] == 4).all()
+    read = trimesh.load(tmp_path / "a.ply")
+    assert read.is_watertight
+    assert read.volume == pytest.approx(1)
+
+
+@pytest.mark.parametrize("suffix", USD)
+def test_usd_has_quads_around_which_the_corners_go(tmp_path, suffix):
+    pytest.importorskip("pxr")
+    from pxr import Usd, UsdGeom
+
+    stage = Usd.Stage.Open(str(Asset(cube(), "box", {}).export(tmp_path / f"a{suffix}")))
+    (shape,) = [UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
+    assert list(shape.GetFaceVertexCountsAttr().Get()) == [4] * 6
+    points = np.array(shape.GetPointsAttr().Get())[np.array(shape.GetFaceVertexIndicesAttr().Get())].reshape(6, 4, 3)
+    sides = np.linalg.norm(np.roll(points, -1, 1) - points, axis=2)
+    np.testing.assert_allclose(sides, 1, atol=1e-6)
+
+
+# Copies
+
+
+def test_a_glb_has_a_mesh_once_and_a_node_for_each_copy(sown, tmp_path):
+    path = sown.export(tmp_path / "a.glb")
+    document = glb_json(path)
+    assert [mesh["name"] for mesh in document["meshes"]] == ["block", "seed"]
+    assert sum(node.get("mesh") == 1 for node in document["nodes"]) == COPIES
+    assert path.stat().st_size < len(sown.mesh.faces) * 12
+    read = trimesh.load(path).dump(concatenate=True)
+    whole = trimesh.Trimesh(sown.mesh.vertices, sown.mesh.faces)
+    assert read.area == pytest.approx(whole.area, rel=1e-4)
+    np.testing.assert_allclose(np.ptp(read.bounds, axis=0)[[0, 2, 1]], np.ptp(whole.bounds, axis=0), atol=1e-4)
+
+
+def test_copies_can_be_one_node_for_the_graphics_card(sown, tmp_path):
+    write_gltf(sown.scene(copies=True), tmp_path / "a.glb", gpu_instancing=True)
+    document = glb_json(tmp_path / "a.glb")
+    assert document["extensionsUsed"] == ["EXT_mesh_gpu_instancing"]
+    (node,) = [node for node in document["nodes"] if "extensions" in node]
+    attributes = node["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]
+    assert {document["accessors"][which]["count"] for which in attributes.values()} == {COPIES}
+
+
+def test_usd_has_an_instance_for_each_copy_in_its_material(sown, tmp_path):
+    pytest.importorskip("pxr")
+    from pxr import Usd, UsdGeom, UsdShade
+
+    stage = Usd.Stage.Open(str(sown.export(tmp_path / "a.usdz")))
+    copies = [prim for prim in stage.Traverse() if prim.IsInstance()]
+    assert len(copies) == COPIES
+    (shape,) = (
+        Usd.PrimRange(copies[0], Usd.TraverseInstanceProxies())
+        .__iter__()
+        .__next__()
+        .GetFilteredChildren(Usd.TraverseInstanceProxies())
+    )
+    material, _ = UsdShade.MaterialBindingAPI(shape).ComputeBoundMaterial()
+    assert material.GetPath().name == "seed_plastic"
+    box = UsdGeom.BBoxCache(Usd.TimeCode.Default(), ["default"]).ComputeWorldBound(stage.GetDefaultPrim())
+    size = np.array(box.ComputeAlignedRange().GetSize())
+    np.testing.assert_allclose(size[[0, 2, 1]], np.ptp(sown.mesh.bounds, axis=0), atol=0.05)
+
+
+def test_what_only_looks_like_a_copy_is_none(sown):
+    bent = sown.mesh.vertices.copy()
+    bent[len(CUBE) :: 642] += 0.01
+    assert find_copies(replace(sown.mesh, vertices=bent)) == []
+
+
+# Standard detail
+
+
+def test_standard_detail_stays_near_the_surface_with_its_normals():
+    ball = trimesh.creation.icosphere(subdivisions=6)
+    small = standard(make_mesh(ball.vertices, ball.faces))
+    assert len(small.faces) < len(ball.faces) / 5
+    # The tolerance is a mean, as a share of the diameter; single triangles are farther.
+    distance = np.abs(1 - np.linalg.norm(small.vertices[small.faces].mean(1), axis=1)) / 2
+    assert distance.mean() < 1.2 * TOLERANCE
+    assert distance.max() < 4 * TOLERANCE
+    np.testing.assert_allclose(small.normals, small.vertices[small.faces], atol=0.02)
+
+
+def test_standard_detail_keeps_creases():
+    fine = trimesh.creation.box().subdivide().subdivide().subdivide()
+    small = standard(make_mesh(fine.vertices, fine.faces))
+    assert len(small.faces) == 12
+    np.testing.assert_allclose(np.abs(small.normals).max(2), 1, atol=1e-6)
+
+
+def test_standard_detail_keeps_copies_and_simplifies_them_once(sown):
+    small = standard(sown.mesh)
+    (copies,) = find_copies(small)
+    assert len(copies.faces) == COPIES
+    assert 0 < len(copies.faces[0]) < len(find_copies(sown.mesh)[0].faces[0])
+
+
+# UVs
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".obj"])
+def test_files_without_maps_have_uvs_in_metres(asset, tmp_path, suffix):
+    scene = trimesh.load(asset.export(tmp_path / f"a{suffix}"))
+    for piece in scene.geometry.values():
+        flat = piece.visual.uv[piece.faces]
+        edges = [np.roll(corners, -1, 1) - corners for corners in (flat, piece.vertices[piece.faces])]
+        lengths = [np.linalg.norm(edge, axis=2) for edge in edges]
+        assert (lengths[0] <= lengths[1] + 1e-5).all()
+        assert lengths[0].sum() > lengths[1].sum() / np.sqrt(3)
+
+
+# Blender
+
+
+@needs_blender
+@pytest.mark.blender
+@pytest.mark.parametrize("suffix", [".glb", ".usdz", ".fbx", ".blend"])
+def test_blender_finds_the_asset_on_its_floor_with_shared_copies(sown, tmp_path, suffix):
+    path = sown.export(tmp_path / f"a{suffix}")
+    done = subprocess.run([sys.executable, "-c", READ, str(path)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout.splitlines()[-1])
+    low, high = np.array(found["bounds"])
+    np.testing.assert_allclose(high - low, np.ptp(sown.mesh.bounds, axis=0), atol=1e-3)
+    assert low[2] == pytest.approx(0, abs=1e-4)
+    assert found["meshes"] == 2
+    assert {"garden", "block", "seed"} <= set(found["names"])
+
+
+READ = """
+import json, os, sys
+import bpy, numpy as np
+
+path = sys.argv[1]
+bpy.ops.wm.read_factory_settings(use_empty=True)
+read = {"glb": bpy.ops.import_scene.gltf, "fbx": bpy.ops.import_scene.fbx, "usdz": bpy.ops.wm.usd_import}
+read.get(path.rpartition(".")[2], bpy.ops.wm.open_mainfile)(filepath=path)
+graph = bpy.context.evaluated_depsgraph_get()
+points = []
+for one in graph.object_instances:
+    if one.object.type == "MESH":
+        points += [[*(one.matrix_world @ v.co)] for v in one.object.data.vertices]
+points = np.array(points)
+found = {"bounds": [points.min(0).tolist(), points.max(0).tolist()], "names": [o.name for o in bpy.data.objects]}
+found["meshes"] = len({o.data.name for o in bpy.data.objects if o.type == "MESH"})
+print(json.dumps(found), flush=True)
+os._exit(0)
+"""
