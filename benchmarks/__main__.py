@@ -18,6 +18,7 @@ USUALLY = {
     "classifier": "10 minutes",
     "cutout": "5 minutes",
     "data": "20 minutes",
+    "detail": "5 minutes",
     "factories": "hours",
     "gallery": "a minute",
     "holes": "5 minutes",
