@@ -13,7 +13,7 @@ from jaxtyping import Float32
 
 from dipcg.copies import Copies, find_copies, without_copies
 from dipcg.mesh import Mesh, Solid, chosen, compact, join, simplify_parts, weld
-from dipcg.surface import corner_normals
+from dipcg.surface import corner_normals, vertex_normals
 
 # How far the simplifier may move the surface, as a share of the longest side: its own mean error by quadrics.
 TOLERANCE = 0.0003
@@ -33,7 +33,7 @@ def standard(mesh: Mesh, tolerance: float = TOLERANCE) -> Mesh:
 def _simplified(mesh: Mesh, metres: float) -> Mesh:
     # Vertices of no face would make the grid of `weld` coarser.
     full = weld(compact(mesh))
-    small = simplify_parts(full, 0.0, metres)
+    small = simplify_parts(full, 0.0, metres, vertex_normals(full))
     return compact(replace(small, normals=corner_normals(small, full=full)))
 
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float32, Int32, UInt8
+
+# How much a change of a normal counts for the simplifier. Less, and flat faces take the shading of a rounded edge.
+NORMAL_WEIGHT = 0.03
 
 
 class MeshError(ValueError):
@@ -138,12 +141,13 @@ def simplify(mesh: Mesh, faces: int = 4000, error: float = 0.004) -> Mesh:
     return compact(simplify_parts(weld(mesh), faces / len(mesh.faces), error * mesh.side))
 
 
-def simplify_parts(mesh: Mesh, share: float, metres: float) -> Mesh:
+def simplify_parts(mesh: Mesh, share: float, metres: float, normals: Float32[np.ndarray, "v 3"] | None = None) -> Mesh:
     """Simplify each part of a welded mesh to a share of its faces, or until its surface would move by some metres.
 
-    The vertices stay the same, some of them without a face.
+    With `normals` of the vertices a change of the shading counts too. The vertices stay the same, some of them without
+    a face.
     """
-    left = [_simplify_part(mesh, part, share, metres) for part in range(len(mesh.part_names))]
+    left = [_simplify_part(mesh, part, share, metres, normals) for part in range(len(mesh.part_names))]
     parts = np.repeat(np.arange(len(left)), [len(faces) for faces in left]).astype(np.uint8)
     return Mesh(mesh.vertices, np.concatenate(left), parts, mesh.part_names)
 
@@ -199,24 +203,43 @@ def sort_triangles(triangles: np.ndarray, *ties: np.ndarray) -> tuple[np.ndarray
     return turned[order], order
 
 
-def _simplify_part(mesh: Mesh, part: int, share: float, metres: float) -> Int32[np.ndarray, "k 3"]:
+def _simplify_part(
+    mesh: Mesh, part: int, share: float, metres: float, normals: Float32[np.ndarray, "v 3"] | None
+) -> Int32[np.ndarray, "k 3"]:
     import meshoptimizer
 
     faces = mesh.faces[mesh.parts == part]
     if not len(faces):
         return faces
     out = np.zeros(faces.size, np.uint32)
+    shape: list[Any] = [out, np.ascontiguousarray(faces, np.uint32).ravel(), mesh.vertices]
     # Sparse, so that the work depends on the vertices of the part and not of the mesh. Absolute, so that the error is
     # in metres, the same for every part.
-    count = meshoptimizer.simplify(
-        out,
-        faces.astype(np.uint32).ravel(),
-        mesh.vertices,
-        target_index_count=3 * int(share * len(faces)),
-        target_error=metres,
-        options=meshoptimizer.SIMPLIFY_SPARSE | meshoptimizer.SIMPLIFY_ERROR_ABSOLUTE,
-    )
+    limits: dict[str, Any] = {
+        "target_index_count": 3 * int(share * len(faces)),
+        "target_error": metres,
+        "options": meshoptimizer.SIMPLIFY_SPARSE | meshoptimizer.SIMPLIFY_ERROR_ABSOLUTE,
+    }
+    if normals is None:
+        count = meshoptimizer.simplify(*shape, **limits)
+    else:
+        _declare_types()
+        weights = np.full(3, NORMAL_WEIGHT, np.float32)
+        count = meshoptimizer.simplify_with_attributes(*shape, normals, weights, **limits)
     return out[:count].reshape(-1, 3).astype(np.int32)
+
+
+@cache
+def _declare_types() -> None:
+    """Declare the types of a function of meshoptimizer, without which its own wrapper fails or crashes."""
+    from ctypes import c_float, c_size_t, c_uint, c_void_p
+
+    from meshoptimizer.simplifier import lib
+
+    size, place = c_size_t, c_void_p
+    inputs = (place, place, size, place, size, size, place, size, place, size, place)
+    lib.meshopt_simplifyWithAttributes.argtypes = (*inputs, size, c_float, c_uint, place)
+    lib.meshopt_simplifyWithAttributes.restype = size
 
 
 def _in_threes(values: np.ndarray, what: str) -> np.ndarray:

@@ -63,6 +63,13 @@ def corner_normals(
     return smooth.reshape(-1, 3, 3).astype(np.float32)
 
 
+def vertex_normals(mesh: Mesh) -> Float32[np.ndarray, "v 3"]:
+    """For each vertex the mean, by area, of the normals of all faces around it."""
+    columns = np.repeat(crosses(mesh), 3, axis=0).T
+    total = [np.bincount(mesh.faces.ravel(), column, len(mesh.vertices)) for column in columns]
+    return _unit(np.column_stack(total)).astype(np.float32)
+
+
 def _normals_of(full: Mesh, mesh: Mesh, crease_deg: float) -> Float32[np.ndarray, "f 3 3"]:
     own, around = _unit(crosses(mesh)), crosses(full)
     order = np.argsort(full.faces.ravel(), kind="stable")
@@ -74,8 +81,10 @@ def _normals_of(full: Mesh, mesh: Mesh, crease_deg: float) -> Float32[np.ndarray
     step = np.arange(len(corner)) - np.repeat(np.cumsum(many) - many, many)
     face = order[first[mesh.faces.ravel()[corner]] + step] // 3
     near = np.einsum("ij,ij->i", own[corner // 3], _unit(around)[face]) > np.cos(np.radians(crease_deg))
+    # A sliver may face where no face around its corner does; then all of them count.
+    near |= (np.bincount(corner[near], minlength=len(many)) == 0)[corner]
     total = np.column_stack([np.bincount(corner[near], column, len(many)) for column in around[face[near]].T])
-    smooth = _unit(np.where((total**2).sum(1, keepdims=True) > 0, total, np.repeat(own, 3, axis=0)))
+    smooth = _unit(total)
     return smooth.reshape(-1, 3, 3).astype(np.float32)
 
 

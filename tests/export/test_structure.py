@@ -158,7 +158,8 @@ def test_standard_detail_stays_near_the_surface_with_its_normals():
 def test_standard_detail_keeps_creases():
     fine = trimesh.creation.box().subdivide().subdivide().subdivide()
     small = standard(make_mesh(fine.vertices, fine.faces))
-    assert len(small.faces) == 12
+    assert len(small.faces) < len(fine.faces) / 5
+    assert trimesh.Trimesh(small.vertices, small.faces).volume == pytest.approx(1)
     np.testing.assert_allclose(np.abs(small.normals).max(2), 1, atol=1e-6)
 
 
