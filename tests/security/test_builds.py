@@ -10,6 +10,7 @@ import pytest
 from serving import Quick, box_checkpoint, serving
 
 from dipcg.app.client import ApiError, Client
+from dipcg.registry import allow_code
 
 GENERATOR = '''
 """A triangle that misbehaves on request, and writes down each build."""
@@ -34,6 +35,7 @@ def build(params):
 def folder(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("triangle")
     (folder / "triangle.py").write_text(GENERATOR)
+    allow_code(folder / "triangle.py")
     return folder
 
 
@@ -53,6 +55,10 @@ def params(mode: str, size: float = 1.5) -> dict:
 
 def builds(folder: Path) -> list[str]:
     return (folder / "builds.txt").read_text().split("\n")[:-1]
+
+
+# Of a build that hangs, in the test of who waits for it.
+LIMIT_S = 60.0
 
 
 @pytest.mark.parametrize(

@@ -48,25 +48,33 @@ PICTURES = {
     "a progressive JPEG of 64 million pixels": lambda: saved(SIDE, "JPEG", progressive=True, subsampling=0),
     "a progressive JPEG of 40 million pixels": lambda: saved(6320, "JPEG", progressive=True, subsampling=0),
     "a baseline JPEG of 64 million pixels": lambda: saved(SIDE, "JPEG"),
-    "a WebP of 20 million pixels": lambda: saved(4472, "WEBP", method=0),
+    "a WebP of 16 million pixels": lambda: saved(4000, "WEBP", method=0),
     "a WebP of 64 million pixels": lambda: saved(SIDE, "WEBP", method=0),
     "a GIF of 64 million pixels": lambda: saved(SIDE, "GIF", "P"),
     "a TIFF of 64 million pixels in one strip": lambda: saved(
         SIDE, "TIFF", compression="tiff_adobe_deflate", strip_size=2**31 - 1
     ),
-    "an AVIF of 32 million pixels": lambda: saved(5656, "AVIF", speed=10),
+    "a TIFF of 36 million pixels in one strip": lambda: saved(
+        6000, "TIFF", compression="tiff_adobe_deflate", strip_size=2**31 - 1
+    ),
+    "an AVIF of 24 million pixels": lambda: saved(4898, "AVIF", speed=10, subsampling="4:4:4"),
 }
 
 
+@pytest.fixture(scope="module")
+def at_first(process) -> float:
+    """What the server uses before it has decoded anything large, since memory that was freed is used again."""
+    Client(process.url).upload(saved(64, "PNG"))
+    return process.memory("VmRSS")
+
+
 @pytest.mark.parametrize("name", PICTURES)
-def test_a_picture_takes_little_memory_or_is_refused(process, name):
+def test_a_picture_takes_little_memory_or_is_refused(process, at_first, name):
     content, client = PICTURES[name](), Client(process.url)
-    client.upload(saved(64, "PNG"))
-    before = process.memory("VmRSS")
     process.forget_peak()
     with contextlib.suppress(ApiError):
         client.upload(content)
-    used = process.memory("VmHWM") - before
+    used = process.memory("VmHWM") - at_first
     assert used < MOST_MB, f"{name} takes {used:.0f} MB"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import ctypes
 import signal
 import sys
 import tempfile
@@ -26,6 +27,8 @@ from dipcg.app.routes import router
 from dipcg.app.studio import Studio
 
 STATIC = Path(__file__).parent / "static"
+# From glibc's malloc.h.
+M_MMAP_THRESHOLD = -3
 # Seconds that requests have to end after Ctrl-C or SIGTERM.
 LAST_S = 3
 # The server sends nothing to anybody but its clients.
@@ -36,6 +39,7 @@ def serve(
     names: Sequence[str], host: str, port: int, workers: int | None, browser: bool, allow_hosts: Sequence[str] = ()
 ) -> None:
     """Serve until Ctrl-C or SIGTERM; files of visitors live in a folder that is deleted at the end."""
+    give_memory_back()
     address = f"http://{host}:{port}"
     # uvicorn ends with the signal that stopped it, which without this would end the process before it has cleaned up.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
@@ -45,6 +49,12 @@ def serve(
             webbrowser.open(address)
         with contextlib.suppress(KeyboardInterrupt):
             uvicorn.run(**settings(make_app(studio, folder, {host, *allow_hosts}), host, port))
+
+
+def give_memory_back() -> None:
+    """Let glibc return large blocks when they are freed; else those of one picture stay while the next is decoded."""
+    with contextlib.suppress(AttributeError, OSError):
+        ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, 2**20)
 
 
 @contextlib.contextmanager

@@ -17,7 +17,7 @@ SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".gif", ".bmp", ".tif", ".tiff", "
 
 MAX_PIXELS = 64_000_000
 # Decoders of these hold a picture several times while they unpack it.
-MAX_PIXELS_OF = {"WEBP": 20_000_000, "AVIF": 32_000_000, "HEIF": 50_000_000}
+MAX_PIXELS_OF = {"WEBP": 16_000_000, "TIFF": 36_000_000, "AVIF": 24_000_000, "HEIF": 50_000_000}
 # All of a progressive JPEG is held until its last pass.
 MAX_PIXELS_PROGRESSIVE = 40_000_000
 MIN_SIDE = 16
