@@ -22,12 +22,13 @@ TOLERANCE = 0.0003
 def standard(mesh: Mesh, tolerance: float = TOLERANCE) -> Mesh:
     """The mesh simplified as far as the surface stays within a tolerance, with the normals of the full surface.
 
-    `tolerance` is a share of the longest side.
+    `tolerance` is a share of the longest side, for a shape with copies of its own: the simplifier would shorten threads
+    that are thinner than the tolerance, such as those of a seed.
     """
-    found, metres = find_copies(mesh), tolerance * mesh.side
+    found = find_copies(mesh)
     rest = chosen(mesh, without_copies(mesh, found))
-    pieces = [_simplified(rest, metres)] if len(rest.faces) else []
-    return _joined([*pieces, *(_copied(mesh, copies, metres) for copies in found)], mesh.part_names)
+    pieces = [_simplified(rest, tolerance * mesh.side)] if len(rest.faces) else []
+    return _joined([*pieces, *(_copied(mesh, copies, tolerance) for copies in found)], mesh.part_names)
 
 
 def _simplified(mesh: Mesh, metres: float) -> Mesh:
@@ -37,10 +38,10 @@ def _simplified(mesh: Mesh, metres: float) -> Mesh:
     return compact(replace(small, normals=corner_normals(small, full=full)))
 
 
-def _copied(mesh: Mesh, copies: Copies, metres: float) -> Mesh:
-    """All copies of a shape, simplified for the largest of them."""
-    places = copies.places
-    shape = _simplified(copies.shape(mesh), metres / float(places.scale.max()))
+def _copied(mesh: Mesh, copies: Copies, tolerance: float) -> Mesh:
+    """All copies of a shape, simplified within a share of its own longest side."""
+    places, full = copies.places, compact(copies.shape(mesh))
+    shape = _simplified(full, tolerance * full.side)
     count, size = len(copies.faces), len(shape.vertices)
     assert shape.normals is not None
     return Mesh(

@@ -51,9 +51,16 @@ def glb_json(path) -> dict:
 # Quads
 
 
+@pytest.mark.parametrize("suffix", [".obj", ".ply"])
+def test_evaluate_counts_quads(tmp_path, suffix):
+    whole = cube()
+    assert quads_in(Asset(whole, "box", {}).export(tmp_path / f"a{suffix}")) == 1
+    torn = replace(whole, quads=np.where(whole.quads < 2, -1, whole.quads))
+    assert quads_in(Asset(torn, "box", {}).export(tmp_path / f"b{suffix}")) == 4 / 8
+
+
 def test_an_obj_has_quads(tmp_path):
     path = Asset(cube(), "box", {}).export(tmp_path / "a.obj")
-    assert quads_in(path) == 1
     corners = trimesh.load(path, process=False)
     assert corners.area == pytest.approx(6)
     assert corners.is_watertight or trimesh.Trimesh(corners.vertices, corners.faces).is_watertight
@@ -66,14 +73,12 @@ def test_a_quad_that_lost_a_half_is_a_triangle(tmp_path):
     assert sorted(len(line.split()) - 1 for line in lines if line.startswith("f ")) == [3, 4, 4, 4, 4, 4]
 
 
-def test_a_ply_has_quads(tmp_path):
-    content = Asset(cube(), "box", {}).export(tmp_path / "a.ply").read_bytes()
-    header, _, body = content.partition(b"end_header\n")
-    assert b"element face 6" in header
-    assert b"element vertex 8" in header
-    faces = np.frombuffer(body[8 * 12 :], [("size", "u1"), ("corners", "<i4", 4), ("part", "u1")])
-    assert (faces["size"] == 4).all()
-    read = trimesh.load(tmp_path / "a.ply")
+def test_a_ply_has_quads_around_a_closed_solid(tmp_path):
+    path = Asset(cube(), "box", {}).export(tmp_path / "a.ply")
+    faces = [line for line in path.read_text().partition("end_header\n")[2].splitlines() if line.startswith("4 ")]
+    assert len(faces) == 6
+    assert {len(face.split()) for face in faces} == {1 + 4 + 1}
+    read = trimesh.load(path)
     assert read.is_watertight
     assert read.volume == pytest.approx(1)
 

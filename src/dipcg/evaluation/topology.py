@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,8 +36,20 @@ def topology(mesh: Mesh) -> Topology:
 
 
 def quads_in(path: Path) -> float | None:
-    """The share of an OBJ file's faces that have four corners; None for formats that have triangles alone."""
-    if path.suffix.lower() != ".obj":
-        return None
+    """The share of the faces of an OBJ or PLY file that have four corners; None for formats of triangles alone."""
+    suffix = path.suffix.lower()
+    return {".obj": _quads_in_obj, ".ply": _quads_in_ply}[suffix](path) if suffix in (".obj", ".ply") else None
+
+
+def _quads_in_obj(path: Path) -> float | None:
     corners = [len(line.split()) - 1 for line in path.read_text().splitlines() if line.startswith("f ")]
     return corners.count(4) / len(corners) if corners else None
+
+
+def _quads_in_ply(path: Path) -> float | None:
+    """From the number of faces in the header and of triangles that they make; larger polygons would count as quads."""
+    import trimesh
+
+    found = re.search(rb"element face (\d+)", path.read_bytes())
+    faces = int(found[1]) if found else 0
+    return (len(trimesh.load(path, process=False, force="mesh").faces) - faces) / faces if faces else None

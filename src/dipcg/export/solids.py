@@ -15,17 +15,22 @@ DIGITS = 7
 
 
 def write_ply(mesh: Mesh, path: Path) -> None:
-    """Write a binary .ply, in which quads stay quads, with the number of the part of each face. Raises OSError."""
+    """Write a .ply in text, in which quads stay quads, with the number of the part of each face.
+
+    Not every reader takes faces of different sizes in the binary form. Raises OSError.
+    """
     mesh = _merged(mesh)
     sizes, corners = polygons(mesh.faces, mesh.quads)
-    split = int(4 * (sizes == 4).sum())
-    blocks = [_rows(mesh, corners[:split], 4), _rows(mesh, corners[split:], 3)]
     names = [f"comment part {number} {name}" for number, name in enumerate(mesh.part_names)]
-    header = ["ply", "format binary_little_endian 1.0", "comment metres, Z up", *names]
-    header += [f"element vertex {len(mesh.vertices)}", *(f"property float {axis}" for axis in "xyz")]
-    header += [f"element face {len(sizes)}", "property list uchar int vertex_indices", "property uchar part"]
-    text = "\n".join([*header, "end_header", ""]).encode()
-    path.write_bytes(text + mesh.vertices.astype("<f4").tobytes() + b"".join(block.tobytes() for block in blocks))
+    lines = ["ply", "format ascii 1.0", "comment metres, Z up", *names]
+    lines += [f"element vertex {len(mesh.vertices)}", *(f"property float {axis}" for axis in "xyz")]
+    lines += [f"element face {len(sizes)}", "property list uchar int vertex_indices", "property uchar part"]
+    lines += ["end_header", *(" ".join(f"{value:.8g}" for value in row) for row in mesh.vertices.tolist())]
+    parts, starts = mesh.parts[corners // 3].tolist(), (np.cumsum(sizes) - sizes).tolist()
+    own = mesh.faces.ravel()[corners].tolist()
+    for start, size in zip(starts, sizes.tolist(), strict=True):
+        lines.append(" ".join(map(str, (size, *own[start : start + size], parts[start]))))
+    path.write_text("\n".join([*lines, ""]))
 
 
 def write_stl(mesh: Mesh, path: Path) -> None:
@@ -34,14 +39,6 @@ def write_stl(mesh: Mesh, path: Path) -> None:
 
     mesh = _merged(mesh)
     trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(path)
-
-
-def _rows(mesh: Mesh, corners: np.ndarray, size: int) -> np.ndarray:
-    """Polygons of one size as rows of a file: the number of corners, the corners, the part."""
-    rows = np.empty(len(corners) // size, [("size", "u1"), ("corners", "<i4", size), ("part", "u1")])
-    rows["size"], rows["corners"] = size, mesh.faces.ravel()[corners].reshape(-1, size)
-    rows["part"] = mesh.parts[corners.reshape(-1, size)[:, 0] // 3]
-    return rows
 
 
 def _merged(mesh: Mesh) -> Mesh:
