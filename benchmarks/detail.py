@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from jaxtyping import Float
+from trimesh.proximity import closest_point
+from trimesh.sample import sample_surface
 
 from dipcg.copies import find_copies
 from dipcg.export.asset import Asset
@@ -56,13 +58,13 @@ def _measured(pool: BuildPool, seed: int, detail: Detail) -> list[float]:
 def _deviation(full: Mesh, mesh: Mesh) -> float:
     """The largest distance of points of the full surface from the other, in longest sides."""
     surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    near = trimesh.proximity.closest_point(surface, _points(full, np.random.default_rng(0)))[1]
+    near = closest_point(surface, _points(full, np.random.default_rng(0)))[1]
     return float(near.max()) / full.side
 
 
 def _points(mesh: Mesh, rng: np.random.Generator) -> Float[np.ndarray, "n 3"]:
     surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    return trimesh.sample.sample_surface(surface, POINTS, seed=int(rng.integers(2**31)))[0]
+    return sample_surface(surface, POINTS, seed=int(rng.integers(2**31)))[0]
 
 
 if __name__ == "__main__":

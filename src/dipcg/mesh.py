@@ -212,7 +212,7 @@ def _simplify_part(
     if not len(faces):
         return faces
     out = np.zeros(faces.size, np.uint32)
-    shape: list[Any] = [out, np.ascontiguousarray(faces, np.uint32).ravel(), mesh.vertices]
+    shape: Any = [out, np.ascontiguousarray(faces, np.uint32).ravel(), mesh.vertices]
     # Sparse, so that the work depends on the vertices of the part and not of the mesh. Absolute, so that the error is
     # in metres, the same for every part.
     limits: dict[str, Any] = {
@@ -225,7 +225,7 @@ def _simplify_part(
     else:
         _declare_types()
         weights = np.full(3, NORMAL_WEIGHT, np.float32)
-        count = meshoptimizer.simplify_with_attributes(*shape, normals, weights, **limits)
+        count = meshoptimizer.simplify_with_attributes(*[*shape, normals, weights], **limits)
     return out[:count].reshape(-1, 3).astype(np.int32)
 
 

@@ -129,7 +129,7 @@ def _floor(mesh: Mesh) -> tuple[Float32[np.ndarray, "v 3"], Float32[np.ndarray, 
     """Two triangles below the mesh."""
     corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32) * 2 * FLOOR * mesh.side
     corners += np.array([*mesh.centre[:2], mesh.bounds[0, 2] - 1e-4 * mesh.side], np.float32)
-    return corners, np.tile(np.float32([0, 0, 1]), (4, 1)), np.array([[0, 1, 2], [0, 2, 3]])
+    return corners, np.tile(np.array([0, 0, 1], np.float32), (4, 1)), np.array([[0, 1, 2], [0, 2, 3]])
 
 
 def _directions(to_camera: Float[np.ndarray, "4 4"]) -> Iterator[tuple[np.ndarray, float]]:

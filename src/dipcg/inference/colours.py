@@ -46,7 +46,8 @@ def photo_colours(image: UInt8[np.ndarray, "h w 4"], mesh: Mesh, view: View) -> 
     """
     picture = prepare(np.ascontiguousarray(image), SIDE)[0]
     seen = _seen(mesh, view)
-    inside = cv2.erode((picture[..., 3] > 250).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    kernel = np.ones((3, 3), np.uint8)
+    inside = np.asarray(cv2.erode((picture[..., 3] > 250).astype(np.uint8), kernel), np.uint8) > 0
     light, every = linear(picture[..., :3] / 255.0), inside & (seen >= 0)
     if every.sum() < LEAST_PIXELS:
         return {}
