@@ -33,6 +33,7 @@ USUALLY = {
     "sheets": "minutes",
     "ship": "an hour",
     "speed": "2 minutes",
+    "strangers": "hours",
     "sustained": "10 minutes",
     "text_classifier": "seconds",
     "textured": "5 minutes",

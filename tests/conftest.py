@@ -25,6 +25,7 @@ MARKED = {
     "slow": {
         "data/test_cluster.py",
         "evaluation/test_evaluate.py",
+        "importing/test_openscad.py::test_an_openscad_file_goes",
         "importing/test_seeded.py",
         "inference/test_classifier.py",
         "security/test_builds.py",

@@ -95,6 +95,12 @@ def check_blender() -> Check:
     return _check("Blender (bpy)", ok, result, apt_install(BLENDER.values()) if lacks_library else _install_infinigen())
 
 
+def check_openscad() -> Check:
+    """Whether OpenSCAD is installed; only generators from .scad files need it, so that to have none is no failure."""
+    found = shutil.which("openscad")
+    return Check("OpenSCAD", True, found or f"none, for .scad files only: {apt_install(['openscad'])}")
+
+
 def check_torch() -> Check:
     """Which torch is installed, and which instructions for bfloat16 this processor has."""
     check = _installed("torch", "torch", "pip install torch")
@@ -132,6 +138,7 @@ CHECKS: tuple[Callable[[], Check], ...] = (
     check_libraries,
     check_infinigen,
     check_blender,
+    check_openscad,
     check_torch,
     check_memory,
     check_cores,

@@ -49,8 +49,9 @@ def generators_add(
     """Make a generator of what others made: a TOML file with its parameters, which you can edit.
 
     Args:
-        source: a Blender file, ending in .blend: the inputs of its Geometry Nodes become parameters; or a program with
-            a seed, as module:function, infinigen:LampFactory, or a Python file: its random draws become parameters
+        source: a Blender file, ending in .blend: the inputs of its Geometry Nodes become parameters; an OpenSCAD
+            file, ending in .scad: what its Customizer shows; or a program with a seed, as module:function,
+            infinigen:LampFactory, or a Python file: its random draws
         object: the object with the modifier, where several have one
         modifier: the modifier, where the object has several; the first with inputs when left out
         range: lowest and highest value of an input, as name=low:high; narrows limits, or sets them where there are none
@@ -59,7 +60,7 @@ def generators_add(
         blender: another Blender to use, or a Python that has bpy; the TOML file remembers it
         function: the function in a Python file that takes a seed or a random number generator
         set: an argument of a program, as name=value
-        seconds: about how long a program may be looked at
+        seconds: about how long a program or an OpenSCAD file may be looked at
         output: TOML file to write; beside the source when left out
         json: print what was made as JSON
     """
@@ -71,14 +72,18 @@ def generators_add(
         options = Options(object, modifier, blender, parse_settings(range), names, input if ask else None)
         with counter("builds") as update:
             made = import_blend(Path(source), options, output, update)
+    elif source.endswith(".scad"):
+        from dipcg.importing.openscad import import_scad
+
+        made = import_scad(Path(source), output, seconds)
     elif source.endswith(".py") or ":" in source:
         from dipcg.importing.seeded import import_program
 
         made = import_program(source, function, _arguments(set), output, seconds)
     else:
         raise ValueError(
-            f"{source} is no source of a generator; give a Blender file, ending in .blend, or a program as "
-            "module:function or a Python file."
+            f"{source} is no source of a generator; give a .blend or .scad file, or a program as module:function "
+            "or a Python file."
         )
     print(jsons.dumps(_as_json(made)) if json else listing.imported(made))
 

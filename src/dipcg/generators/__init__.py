@@ -40,6 +40,7 @@ from dipcg.camera import ViewGrid, ViewRange
 from dipcg.detail import standard
 from dipcg.labels import labelled
 from dipcg.mesh import Mesh, make_mesh, simplify
+from dipcg.openscad.declaration import read_scad
 from dipcg.space import ParameterSpace, Params
 from dipcg.tracing.declaration import read_program
 
@@ -150,6 +151,6 @@ def _read_toml(path: Path) -> SimpleNamespace:
     return next((read for key, read in _READERS.items() if key in keys), read_declaration)(path)
 
 
-_READERS = {"program": read_program}
+_READERS = {"program": read_program, "scad": read_scad}
 _OPTIONAL = ("build_light", "prepare", "views", "views_of", "mirrors", "needs", "recycle_after", "light_faces")
 _OPTIONAL += ("blender",)

@@ -54,6 +54,8 @@ def import_program(
             raise ValueError(f"{program} has no draw that can be a parameter ({_listed(left_out)}).")
         runner.check_repeats(entries)
         effects, entries, left_out = _with_effects(runner, entries, left_out, until)
+    if not entries:
+        raise ValueError(f"{program} has no draw that was seen to change the mesh ({_listed(_grouped(left_out))}).")
     path.write_text(_text(top, entries, path), encoding="utf-8")
     allow_code(path)
     notes = [f"{len(effects.failed)} of {effects.builds} builds failed: {one}" for one in effects.failed[:1]]

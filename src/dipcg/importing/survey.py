@@ -86,7 +86,8 @@ class Runner:
         again = list(self.meshes(entries, many[::-1]))[::-1]
         pairs = [(a, b) for a, b in zip(first, again, strict=True) if isinstance(a, Mesh) and isinstance(b, Mesh)]
         if not pairs:
-            raise ValueError(f"{self.program} fails with other values than its own: {first[0]}")
+            failed = next(one for one in [*first, *again] if not isinstance(one, Mesh))
+            raise ValueError(f"{self.program} fails with other values than its own: {failed}")
         if any(moved(a, b) for a, b in pairs):
             raise ValueError(
                 f"{self.program} makes another mesh each time from the same draws: it uses the clock, os.urandom, the "
