@@ -9,6 +9,7 @@ import pytest
 import trimesh
 from boxes import BOX, TRUTH
 from PIL import Image
+from stand_ins import broken, nothing, page, standing_in
 
 from dipcg.app.client import ApiError, Client
 from dipcg.inference.estimate import Options, describe, estimate
@@ -51,6 +52,15 @@ def test_words_become_candidates(client, studio):
     assert [c["params"] for c in found["candidates"]] == [c.params for c in expected.estimate.candidates]
     assert (found["misfit"], found["picture"]) == (None, None)
     assert len({json.dumps(c["view"]) for c in found["candidates"]}) == 1, "all from one side"
+
+
+@pytest.mark.parametrize("answer", [page, broken, nothing])
+def test_a_server_that_is_none_of_ours_or_dies_is_a_sentence(answer):
+    with standing_in(answer) as address:
+        client = Client(address, timeout_s=5.0)
+        for ask in (client.generators, lambda: client.upload(b"picture"), lambda: client.finish("job")):
+            with pytest.raises(ApiError, match=r"(no dipcg server|There is no answer).*dipcg serve"):
+                ask()
 
 
 def test_generators_are_described_with_labels(client):

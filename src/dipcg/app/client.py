@@ -8,10 +8,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator, Mapping
+from http.client import HTTPException
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -53,7 +55,7 @@ class Client:
     def upload(self, picture: str | Path | bytes) -> str:
         """Send a picture, from a file or as bytes; returns its id."""
         content = picture if isinstance(picture, bytes) else Path(picture).read_bytes()
-        return json.loads(self.send("POST", "/pictures", content, "image/*"))["id"]
+        return self._parsed(self.send("POST", "/pictures", content, "image/*"))["id"]
 
     def cut_out(self, picture: str, **corrections: Any) -> Answer:
         """Cut the object out of an uploaded picture; `corrections` are those of the API."""
@@ -83,11 +85,19 @@ class Client:
         An OBJ comes as an archive with its materials, so the file that was written is returned.
         """
         path = Path(path)
-        wanted = {"generator": generator, "params": dict(params), "format": path.suffix, **options}
-        made = self.finish(self._json("POST", "/assets", wanted)["job"], report)
+        made = self.finish(self.start_build(generator, params, path.suffix, **options), report)
         target = path.with_suffix(Path(made["name"]).suffix)
-        target.write_bytes(self.send("GET", made["file"].removeprefix("/api/v1")))
+        target.write_bytes(self.file(made))
         return target
+
+    def start_build(self, generator: str, params: Mapping[str, Any], format: str, **options: Any) -> str:
+        """Start to build an asset; returns the id of the job."""
+        wanted = {"generator": generator, "params": dict(params), "format": format, **options}
+        return self._json("POST", "/assets", wanted)["job"]
+
+    def file(self, made: Answer) -> bytes:
+        """The file of a finished build."""
+        return self.send("GET", made["file"].removeprefix("/api/v1"))
 
     def preview(self, generator: str, params: Mapping[str, Any]) -> bytes:
         """An asset in light detail as GLB, at once."""
@@ -107,10 +117,10 @@ class Client:
 
     def follow(self, job: str) -> Iterator[Answer]:
         """The job after each change, until it is over."""
-        with self._answer("GET", f"/jobs/{job}/events") as lines:
+        with self._reading(), self._answer("GET", f"/jobs/{job}/events") as lines:
             for line in lines:
                 if line.startswith(b"data:"):
-                    yield json.loads(line[5:])
+                    yield self._parsed(line[5:])
 
     def finish(self, job: str, report: Report | None = None) -> Answer:
         """Wait for the result of a job."""
@@ -119,16 +129,36 @@ class Client:
             if report:
                 report(last)
         if last.get("state") != "done":
-            raise ApiError(last.get("error") or "The job was cancelled.")
+            raise ApiError(last.get("error") or ("The job was cancelled." if last else self._other))
         return last["result"]
 
     def send(self, method: str, path: str, body: bytes | None = None, kind: str = "application/json") -> bytes:
         """A request to a path below /api/v1, and the bytes of the answer."""
-        with self._answer(method, path, body, kind) as answer:
+        with self._reading(), self._answer(method, path, body, kind) as answer:
             return answer.read()
 
     def _json(self, method: str, path: str, body: Any = None) -> Any:
-        return json.loads(self.send(method, path, None if body is None else _as_json(body)))
+        return self._parsed(self.send(method, path, None if body is None else _as_json(body)))
+
+    def _parsed(self, answer: bytes) -> Any:
+        try:
+            return json.loads(answer)
+        except ValueError:
+            raise ApiError(self._other) from None
+
+    @property
+    def _other(self) -> str:
+        return f"What answers at {self.url} is no dipcg server; start one with `dipcg serve`."
+
+    @contextlib.contextmanager
+    def _reading(self) -> Iterator[None]:
+        """A connection that breaks is an ApiError, at whatever point it breaks."""
+        try:
+            yield
+        except (OSError, HTTPException) as error:
+            reason = getattr(error, "reason", error)
+            sentence = f"There is no answer from {self.url} ({reason}); start the server with `dipcg serve`."
+            raise ApiError(sentence) from None
 
     def _answer(self, method: str, path: str, body: bytes | None = None, kind: str = "application/json") -> Any:
         headers = {"Content-Type": kind} if body is not None else {}
@@ -137,8 +167,6 @@ class Client:
             return self._open(request, timeout=self.timeout_s)
         except urllib.error.HTTPError as error:
             raise ApiError(_sentence(error), error.code) from None
-        except urllib.error.URLError as error:
-            raise ApiError(f"There is no answer from {self.url} ({error.reason}).") from None
 
 
 def _as_json(body: Any) -> bytes:
@@ -148,5 +176,5 @@ def _as_json(body: Any) -> bytes:
 def _sentence(error: urllib.error.HTTPError) -> str:
     try:
         return str(json.load(error)["error"])
-    except (ValueError, KeyError):
+    except (ValueError, KeyError, TypeError):
         return f"The server answered with {error.code}."
