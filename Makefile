@@ -3,6 +3,7 @@
 # make fast   no Blender, browser or training              make wheel-check  builds the package and tries it by itself
 # make lint   Ruff and Pyright                             make image        a Docker image of the web app
 # make bench  the numbers in docs/results.md               make image-check  runs the image's steps without Docker
+# make addon  dipcg.zip, the add-on for Blender
 # make checkpoints   trains all that ships, for hours at the lowest priority; NAMES='chair table' trains these, in order
 # Each installs what is missing first, into .venv; a second call is instant. Options, as in `make demo TORCH=cpu`:
 #   EXTRAS=app,dev              the optional parts to install
@@ -46,7 +47,7 @@ PACKAGES := libglib2.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri libxrender1
 MACHINE_PYTHON := $(or $(shell command -v python3.11),$(shell command -v python3),python3)
 HEADERS := import os, sysconfig; raise SystemExit(not os.path.exists(sysconfig.get_path("include") + "/Python.h"))
 
-.PHONY: help install system environment demo test fast lint format bench checkpoints audit pins wheel-check image image-check newer-blender other-python clean
+.PHONY: help install system environment demo test fast lint format bench checkpoints addon audit pins wheel-check image image-check newer-blender other-python clean
 
 help:
 	@sed -n 's/^# \{0,1\}//p;/^SHELL/q' Makefile
@@ -121,6 +122,9 @@ format: install
 
 bench: install
 	$(BIN)/python -m benchmarks $(ARGS)
+
+addon: install
+	$(BIN)/dipcg blender-addon -o dipcg.zip
 
 checkpoints: install
 	nice -n 19 $(BIN)/python -m benchmarks.marathon $(NAMES)

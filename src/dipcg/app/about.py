@@ -49,11 +49,11 @@ def generator(studio: Studio, name: str) -> models.GeneratorAnswer:
         ref=found.ref,
         doc=found.doc.partition("\n")[0],
         reads_text=studio.reads_text(name),
-        parameters=[_parameter(p) for p in found.space],
+        parameters=[_parameter(p, found.inputs.get(p.name, ("", ""))) for p in found.space],
     )
 
 
-def _parameter(p: Parameter) -> models.Parameter:
+def _parameter(p: Parameter, setting: tuple[str, str]) -> models.Parameter:
     ends = {"low": float(p.low), "high": float(p.high)} if isinstance(p, Real) else {}
     labels = zip(p.options, option_labels(p), strict=True) if isinstance(p, Choice) else ()
     return models.Parameter(
@@ -66,6 +66,8 @@ def _parameter(p: Parameter) -> models.Parameter:
         doc=p.doc,
         inactive=p.inactive,
         when={name: list(allowed) for name, allowed in p.when.items()},
+        input=setting[0],
+        component=setting[1],
         **ends,
     )
 

@@ -113,6 +113,10 @@ class Parameter(BaseModel):
     doc: str
     inactive: Value
     when: dict[str, list[Value]]
+    input: str = ""
+    """the identifier of the input of a Geometry Nodes modifier that it sets, if there is one"""
+    component: str = ""
+    """the axis, for an input that is a vector"""
 
 
 class GeneratorAnswer(BaseModel):

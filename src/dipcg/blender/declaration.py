@@ -98,6 +98,8 @@ def _declared(top: dict[str, Any], path: Path) -> SimpleNamespace:
         space=space,
         build=partial(_build, place, inputs),
         prepare=partial(_prepare, place),
+        # Inputs of a group within the modifier are no sliders of it.
+        inputs={} if top.get("group") else inputs,
         mirrors=top.get("mirrors"),
         # Another Blender brings its own module.
         needs=() if top.get("blender") else ("bpy",),

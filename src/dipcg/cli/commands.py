@@ -16,6 +16,7 @@ from itertools import pairwise
 import tyro
 from tyro.conf import FlagCreatePairsOff
 
+from dipcg.cli.addon import blender_addon
 from dipcg.cli.assets import edit, sample
 from dipcg.cli.code import ALLOW, allowed_code
 from dipcg.cli.dataset import dataset_build, dataset_gallery, dataset_info
@@ -60,6 +61,7 @@ COMMANDS = {
     "mcmc": mcmc,
     "import-checkpoint": import_checkpoint,
     "serve": serve,
+    "blender-addon": blender_addon,
     "doctor": doctor,
 }
 

@@ -17,6 +17,7 @@ EXAMPLES = {
     "mcmc": "dipcg mcmc photo.png -g chair -o search --iterations 2000",
     "import-checkpoint": "dipcg import-checkpoint weights.safetensors -g chair -o runs",
     "serve": "dipcg serve chair table --port 7860",
+    "blender-addon": "dipcg blender-addon -o dipcg.zip",
     "doctor": "dipcg doctor",
 }
 

@@ -10,7 +10,8 @@ or None where a flipped picture shows no asset of this generator;
 `needs`, the packages to install;
 `recycle_after`, the number of builds after which a worker process is replaced;
 `light_faces`, the number of triangles that light meshes are simplified to, where the usual one would lose too much;
-`blender`, the program of another Blender in whose Python the file runs.
+`blender`, the program of another Blender in whose Python the file runs;
+`inputs`, for each parameter the input of a Geometry Nodes modifier that it sets, and the axis of a vector.
 
 A generator is a pure function: the same parameters give the same mesh, without a clock or global random state. The
 Infinigen adapters set values on Infinigen's own factories and node graphs and copy no code. A node graph is made once
@@ -66,6 +67,7 @@ class Generator:
     recycle_after: int = 10_000
     light_faces: int = LIGHT_FACES
     blender: str = ""
+    inputs: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
     @property
     def missing(self) -> list[str]:
@@ -153,4 +155,4 @@ def _read_toml(path: Path) -> SimpleNamespace:
 
 _READERS = {"program": read_program, "scad": read_scad}
 _OPTIONAL = ("build_light", "prepare", "views", "views_of", "mirrors", "needs", "recycle_after", "light_faces")
-_OPTIONAL += ("blender",)
+_OPTIONAL += ("blender", "inputs")

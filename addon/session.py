@@ -1,0 +1,151 @@
+"""What the panel shows and the operators share: settings in Blender, and answers of the server in memory."""
+
+import base64
+from pathlib import Path
+from typing import Any
+
+import bpy
+import bpy.utils.previews
+
+from . import inputs
+from .server import Estimated, Task
+
+# Blender keeps no reference to the items of a menu, so that they must live here.
+_items: list[tuple[str, str, str]] = []
+_generators: dict[str, dict[str, Any]] = {}
+_previews: Any = None
+estimated: Estimated | None = None
+# The names of the object and of its modifier that the estimate is for; None for a generator that ships.
+target: tuple[str, str] | None = None
+task: Task | None = None
+
+
+class Lock(bpy.types.PropertyGroup):
+    """Whether a parameter keeps its value in the next estimate."""
+
+    held: bpy.props.BoolProperty(name="Lock", description="Keep this value in the next estimate")
+
+
+class Settings(bpy.types.PropertyGroup):
+    """What the user chooses, and a sentence for the user."""
+
+    picture: bpy.props.StringProperty(name="Picture", description="The picture to estimate from", subtype="FILE_PATH")
+    generator: bpy.props.EnumProperty(
+        name="Generator",
+        description="What makes the thing in the picture",
+        items=lambda self, context: _items,
+        update=lambda self, context: self.fill_locks(),
+    )
+    locks: bpy.props.CollectionProperty(type=Lock)
+    status: bpy.props.StringProperty()
+
+    def fill_locks(self) -> None:
+        self.locks.clear()
+        for parameter in chosen(self)["parameters"]:
+            self.locks.add().name = parameter["name"]
+
+
+class Preferences(bpy.types.AddonPreferences):
+    """The server that is asked."""
+
+    bl_idname = __package__
+    address: bpy.props.StringProperty(
+        name="Server", description="Where `dipcg serve` runs on this machine", default="http://127.0.0.1:7860"
+    )
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.prop(self, "address")
+
+
+CLASSES = (Lock, Settings, Preferences)
+
+
+def address(context: bpy.types.Context) -> str:
+    """The address of the server."""
+    return context.preferences.addons[__package__].preferences.address
+
+
+def serve(settings: Settings, obj: Any, generators: list[dict[str, Any]]) -> None:
+    """Take the generators of a server, and choose the one that the active object's modifier belongs to, if any."""
+    _generators.clear()
+    _generators.update({generator["name"]: generator for generator in generators})
+    _items[:] = [(g["name"], g["label"], g["doc"]) for g in generators]
+    fitting = [name for name in _generators if find_modifier(obj, _generators[name])]
+    if _generators:
+        settings.generator = (fitting or list(_generators))[0]
+
+
+def is_connected() -> bool:
+    """Whether the generators of a server are known."""
+    return bool(_generators)
+
+
+def chosen(settings: Settings) -> dict[str, Any]:
+    """The generator of the menu."""
+    return _generators[settings.generator]
+
+
+def find_modifier(obj: Any, generator: dict[str, Any]) -> Any:
+    """The modifier of an object whose inputs a generator sets, the active one first; None without such a modifier."""
+    found = sorted(obj.modifiers, key=lambda modifier: not modifier.is_active) if obj else []
+    return next((modifier for modifier in found if inputs.has_all(modifier, generator["parameters"])), None)
+
+
+def candidate(number: int) -> dict[str, Any]:
+    """A candidate of the estimate; raises ValueError with a sentence."""
+    found = estimated.result["candidates"] if estimated else []
+    if not 0 <= number < len(found):
+        raise ValueError(f"There are {len(found)} candidates, numbered from 0, got {number}; estimate first.")
+    return found[number]
+
+
+def estimated_generator() -> dict[str, Any]:
+    """The generator of the estimate."""
+    return _generators[estimated.result["generator"]]
+
+
+def find_target(context: bpy.types.Context) -> tuple[Any, Any]:
+    """The object and the modifier that the estimate is for; the modifier is None when it is gone or another."""
+    obj = context.scene.objects.get(target[0])
+    modifier = obj.modifiers.get(target[1]) if obj else None
+    return obj, modifier if modifier and inputs.has_all(modifier, estimated_generator()["parameters"]) else None
+
+
+def keep(found: Estimated, where: tuple[str, str] | None) -> None:
+    """Take an estimate, and load the pictures of its candidates."""
+    global estimated, target, _previews
+    close()
+    estimated, target, _previews = found, where, bpy.utils.previews.new()
+    for number, candidate in enumerate(found.result["candidates"]):
+        if candidate["thumbnail"]:
+            path = temporary(f"candidate{number}.webp", base64.b64decode(candidate["thumbnail"].partition(",")[2]))
+            _previews.load(str(number), path, "IMAGE")
+
+
+def icon(number: int) -> int:
+    """The picture of a candidate for a panel; 0 without one."""
+    return _previews[str(number)].icon_id if _previews and str(number) in _previews else 0
+
+
+def spread(parameter: dict[str, Any]) -> str:
+    """How far the candidates differ in a parameter, for a panel."""
+    found = estimated.result.get("spread", {}).get(parameter["name"]) if estimated else None
+    return "" if found is None else f"± {found:.2g} {parameter['unit']}"
+
+
+def temporary(name: str, content: bytes) -> str:
+    """Write a file that Blender deletes when it ends, and return its path."""
+    path = Path(bpy.app.tempdir) / f"dipcg_{name}"
+    path.write_bytes(content)
+    return str(path)
+
+
+def close() -> None:
+    """Forget the estimate, and stop what runs."""
+    global estimated, target, _previews
+    estimated = target = None
+    if task:
+        task.stopped.set()
+    if _previews:
+        bpy.utils.previews.remove(_previews)
+        _previews = None
