@@ -52,4 +52,6 @@ def _quads_in_ply(path: Path) -> float | None:
 
     found = re.search(rb"element face (\d+)", path.read_bytes())
     faces = int(found[1]) if found else 0
-    return (len(trimesh.load(path, process=False, force="mesh").faces) - faces) / faces if faces else None
+    mesh = trimesh.load(path, process=False, force="mesh")
+    assert isinstance(mesh, trimesh.Trimesh)
+    return (len(mesh.faces) - faces) / faces if faces else None
