@@ -38,7 +38,9 @@ def main() -> None:
         folder.mkdir(parents=True, exist_ok=True)
         seconds = {step: done(folder, step, partial(run, folder, source, step)) for step in STEPS}
         table = json.loads((folder / "table.json").read_text())
-        accuracy = [next(values for name, values in table.items() if name.startswith(one))["CD"][0] for one in ROWS]
+        accuracy = [
+            next(values for name, values in table.items() if name.startswith(one))["chamfer"][0] for one in ROWS
+        ]
         row(name_of(source), *(f"{value:.3f}" for value in accuracy), *(f"{seconds[step]:.0f}" for step in STEPS))
 
 
@@ -68,12 +70,12 @@ def done(folder: Path, step: str, work: Callable[[], None]) -> float:
 
 def run(folder: Path, source: str, step: str) -> None:
     """One step, as a person types it."""
-    toml, data, trained = "generator.toml", "data", "./run"
+    toml, data, trained = "generator.toml", "data", "run/generator"
     budget = f"--pictures {PICTURES}" if PICTURES else f"--minutes {MINUTES}"
     lines = {
         "add": [f"generators add {os.path.abspath(source) if Path(source).exists() else source} -o {toml}"],
         "shapes": [f"dataset build ./{toml} --count {COUNT} -o {data}"],
-        "training": [f"train ./{toml} --data {data} {budget} -o {trained}"],
+        "training": [f"train ./{toml} --data {data} {budget} -o run"],
         "evaluation": [
             f"evaluate {trained} --data {data} --count {CASES} --nearest-of {RANDOM} --json table.json {allow(toml)}"
         ],

@@ -28,8 +28,8 @@ COMMANDS = """
 dipcg generators add vase.scad --seconds 20
 dipcg sample ./vase.toml -o vase.glb --set outline=square has_rim=no --params-out vase.json
 dipcg dataset build ./vase.toml --count 30 -o data
-dipcg train ./vase.toml --data data --minutes 0.05 --denoiser-share 0.5 --depth 1 --batch 16 -o run
-dipcg estimate vase.png -g ./run --candidates 2 --steps 2 -o found.glb --params-out found.json
+dipcg train ./vase.toml --data data --pictures 128 --denoiser-share 0.5 --depth 1 --batch 16 -o run
+dipcg estimate vase.png -g run/vase --candidates 2 --steps 2 -o found.glb --params-out found.json
 dipcg edit found.json --set height=180 -o taller.glb
 """
 
