@@ -169,7 +169,7 @@ def test_standard_detail_keeps_creases():
 
 
 def test_standard_detail_keeps_copies_and_simplifies_them_once(sown):
-    small = standard(sown.mesh)
+    small = standard(sown.mesh, tolerance=0.01)
     (copies,) = find_copies(small)
     assert len(copies.faces) == COPIES
     assert 0 < len(copies.faces[0]) < len(find_copies(sown.mesh)[0].faces[0])
