@@ -9,6 +9,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 import pytest
 from hypothesis import settings
+from markers import MARKED, TESTS
 
 from dipcg.export.asset import Asset
 from dipcg.generators import load_generator
@@ -18,28 +19,6 @@ from dipcg.workers.pool import BuildPool
 # A loaded machine is no failure.
 settings.register_profile("steady", deadline=None)
 settings.load_profile("steady")
-
-TESTS = Path(__file__).parent
-# Markers of files, and of tests whose names begin so. `make fast` leaves all of them out.
-MARKED = {
-    "slow": {
-        "data/test_cluster.py",
-        "evaluation/test_evaluate.py",
-        "importing/test_openscad.py::test_an_openscad_file_goes",
-        "importing/test_seeded.py",
-        "inference/test_classifier.py",
-        "security/test_builds.py",
-        "security/test_pictures.py",
-        "security/test_traces.py",
-        "test_end_to_end.py",
-        "test_extending.py",
-        "training/test_distributed.py",
-        "training/test_recipes.py",
-        "training/test_snapshots.py",
-        "training/test_train.py",
-    },
-    "blender": {"training/test_captions.py::test_a_sentence_becomes_an_asset"},
-}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -10,7 +10,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from conftest import MARKED, TESTS
+from markers import MARKED, TESTS
 from packaging.requirements import Requirement
 
 import dipcg

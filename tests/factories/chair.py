@@ -17,7 +17,7 @@ def make(key: int) -> tuple[np.ndarray, np.ndarray, dict]:
     factory = module.ChairFactory(key)
     factory.seat_mid_x = (factory.seat_back + factory.seat_mid * (1 - factory.seat_back) + 1) / 2
     with replaced(module, uniform=middle):
-        _, vertices, faces = read_piece("chair", factory.create_asset())
+        _, vertices, faces, *_ = read_piece("chair", factory.create_asset())
     types = (bool, int, float, str, tuple, list, np.ndarray, np.generic)
     own = {name: value for name, value in vars(factory).items() if isinstance(value, types)}
     return vertices[:, [1, 0, 2]] * [1, -1, 1], faces, own

@@ -44,7 +44,7 @@ def make(key: str) -> tuple[np.ndarray, np.ndarray, dict]:
     with draws, curves:
         factory = module.DandelionFactory(0)
         factory.flower_mode_pb = [float(other == key) for other in factory.flower_mode]
-        _, vertices, faces = read_piece("dandelion", factory.create_asset())
+        _, vertices, faces, *_ = read_piece("dandelion", factory.create_asset())
     return vertices, faces, drawn
 
 

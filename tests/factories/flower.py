@@ -27,7 +27,7 @@ def make(key: int) -> tuple[np.ndarray, np.ndarray, dict]:
     with replaced(module.butil, set_geomod_inputs=record_inputs):
         asset = module.FlowerFactory(key, rad=1.0).create_asset()
     asset.rotation_euler.z = 0
-    _, vertices, faces = read_piece("flower", asset)
+    _, vertices, faces, *_ = read_piece("flower", asset)
     return vertices, faces, own
 
 

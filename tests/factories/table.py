@@ -14,7 +14,7 @@ def make(key: int) -> tuple[np.ndarray, np.ndarray, dict]:
     factory = import_infinigen("infinigen.assets.objects.tables.dining_table").TableDiningFactory(key)
     if factory.params["Leg Style"] == "single_stand":
         factory.params["Leg Placement Top Relative Scale"] = 0.65
-    _, vertices, faces = read_piece("table", factory.create_asset())
+    _, vertices, faces, *_ = read_piece("table", factory.create_asset())
     return vertices, faces, {name: v for name, v in factory.params.items() if not name.endswith("Material")}
 
 

@@ -15,7 +15,7 @@ def make(key: int) -> tuple[np.ndarray, np.ndarray, dict]:
     module = import_infinigen("infinigen.assets.objects.table_decorations.vase")
     np.random.seed(key)  # noqa: NPY002
     factory = module.VaseFactory(key)
-    _, vertices, faces = read_piece("vase", factory.create_asset())
+    _, vertices, faces, *_ = read_piece("vase", factory.create_asset())
     own = {name: value for name, value in factory.params.items() if name != "Material"}
     return np.stack([vertices[:, 1], -vertices[:, 0], vertices[:, 2]], axis=1), faces, own
 
