@@ -33,7 +33,11 @@ STEPS = ("add", "shapes", "training", "evaluation", "asset")
 
 def main() -> None:
     print(f"{machine()}, {COUNT} shapes, training for {PICTURES or MINUTES} {'pictures' if PICTURES else 'minutes'}\n")
-    header("generator", *(f"CD, {name}" for name in ROWS), *(f"{step}, s" for step in STEPS))
+    header(
+        "generator",
+        *(f"CD, {name} random" if name.endswith("of") else f"CD, {name}" for name in ROWS),
+        *(f"{step}, s" for step in STEPS),
+    )
     for source in sources():
         folder = FOLDER / name_of(source)
         folder.mkdir(parents=True, exist_ok=True)
