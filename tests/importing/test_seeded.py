@@ -190,6 +190,14 @@ def test_a_function_may_take_a_generator_or_a_seed(signature, tmp_path):
     assert import_program(str(file)).parameters == ["w"]
 
 
+def test_a_draw_that_a_later_choice_makes_idle_says_when(tmp_path):
+    file = tmp_path / "rug.py"
+    body = "def make(seed):\n    length, size = uniform(1, 2), uniform(2, 3)\n    is_long = uniform() < 0.5\n"
+    file.write_text(TRIANGLE + body + "    return _triangle(length * size if is_long else size)\n")
+    space = load_generator(str(import_program(str(file)).path)).space
+    assert {p.name: dict(p.when) for p in space} == {"length": {"is_long": (True,)}, "size": {}, "is_long": {}}
+
+
 def test_arguments_can_be_given(tmp_path):
     file = tmp_path / "program.py"
     file.write_text(f"{TRIANGLE}def make(seed, low):\n    w = uniform(low, 2)\n    return _triangle(w)\n")

@@ -92,14 +92,14 @@ def without_circles(found: Conditions) -> Conditions:
     kept: Conditions = {}
     for name, when in found.items():
         for choice, options in when.items():
-            if name not in _above(choice, kept):
+            if name not in above(choice, kept):
                 kept.setdefault(name, {})[choice] = options
     return kept
 
 
-def _above(name: str, found: Conditions) -> set[str]:
+def above(name: str, found: Conditions) -> set[str]:
     """A parameter, and all choices that it depends on."""
-    return {name}.union(*(_above(choice, found) for choice in found.get(name, ())))
+    return {name}.union(*(above(choice, found) for choice in found.get(name, ())))
 
 
 def _others(parameter: Parameter, value: Any) -> Iterator[Value]:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import os
 import shutil
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from dipcg.blender.declaration import digest
 from dipcg.generators import load_generator
 from dipcg.importing.imported import Imported, Row
-from dipcg.importing.sensitivity import Effects, find_effects
+from dipcg.importing.sensitivity import Effects, conditions, find_effects
 from dipcg.openscad.customizer import Entry, customizer
 from dipcg.openscad.declaration import INSTALL, write_scad
 from dipcg.space import Choice, Parameter
@@ -49,7 +48,8 @@ def import_scad(scad: Path, output: Path | None = None, seconds: float = 600.0) 
     for name in [name for name in entries if effects.sizes.get(name) == 0]:
         del entries[name]
         left_out[name] = "no effect on the mesh"
-    kept = {name: entry | _when(name, entries, effects) for name, entry in entries.items()}
+    when = conditions(load_generator(str(path)).space, list(entries), effects)
+    kept = {name: entry | {"when": when[name]} for name, entry in entries.items()}
     path.write_text(write_scad(top, kept, path), encoding="utf-8")
     space = load_generator(str(path)).space
     notes = [f"{len(effects.failed)} of {effects.builds} builds failed: {one}" for one in effects.failed[:1]]
@@ -65,14 +65,6 @@ def _tried(path: Path, seconds: float) -> Effects:
         except BuildError as error:
             raise ValueError(f"{path.with_suffix('.scad').name} cannot be built: {error}") from None
         return find_effects(space, lambda many: pool.map(many, "full"), np.random.default_rng(0), seconds)
-
-
-def _when(name: str, entries: dict[str, Entry], effects: Effects) -> dict[str, Any]:
-    """The options of earlier choices under which a parameter matters, as an entry has them."""
-    order = list(entries)
-    found = effects.when.get(name, {})
-    when = {c: list(o) for c, o in found.items() if o and c in entries and order.index(c) < order.index(name)}
-    return {"when": when} if when else {}
 
 
 def _row(p: Parameter, entry: Entry) -> Row:

@@ -12,7 +12,7 @@ import numpy as np
 
 from dipcg.generators import load_generator
 from dipcg.importing.imported import Imported, Row
-from dipcg.importing.sensitivity import Effects, find_effects, merged
+from dipcg.importing.sensitivity import Effects, conditions, find_effects
 from dipcg.importing.survey import TIMEOUT_S, Runner, space_of, survey
 from dipcg.registry import allow_code
 from dipcg.space import Choice, Parameter, ParameterSpace
@@ -75,7 +75,8 @@ def _with_effects(
         if name not in names:
             left_out[name] = _why(effects.sizes.get(name))
     kept = {name: entries[name] for name in space.names if name in names}
-    return effects, {name: _conditioned(name, kept, effects, space) for name in kept}, left_out
+    when = conditions(space, list(kept), effects)
+    return effects, {name: entry | {"when": when[name]} for name, entry in kept.items()}, left_out
 
 
 def _why(size: float | None) -> str:
@@ -89,18 +90,6 @@ def _largest(space: ParameterSpace, effects: Effects) -> set[str]:
     ordered = sorted(space.names, key=lambda name: -effects.sizes.get(name, 0.0))
     names = {name for name in ordered[:MAX_PARAMETERS] if effects.sizes.get(name)}
     return names | {other for name in names for other, _ in space.conditions(name)}
-
-
-def _conditioned(name: str, kept: Mapping[str, Entry], effects: Effects, space: ParameterSpace) -> Entry:
-    """An entry with the options under which it has an effect; none of a choice that comes after it or is left out."""
-    order = list(kept)
-    more = {
-        choice: options
-        for choice, options in effects.when.get(name, {}).items()
-        if options and choice in kept and order.index(choice) < order.index(name)
-    }
-    when = merged(space[name].when, more)
-    return kept[name] | ({"when": {other: list(options) for other, options in when.items()}} if when else {})
 
 
 def _text(top: Top, entries: Mapping[str, Entry], path: Path) -> str:

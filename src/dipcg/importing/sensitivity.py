@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial import KDTree
 
+from dipcg.importing.effects import Conditions, above
 from dipcg.mesh import Mesh
-from dipcg.space import Choice, Condition, ParameterSpace, Params, Real, Value
+from dipcg.space import Choice, ParameterSpace, Params, Real, Value
 
 # Builds parameters in order; an error stands in the place of a mesh.
 Build = Callable[[Iterable[Params]], Iterable[Mesh | Exception]]
@@ -126,10 +127,18 @@ def _distances(a: Mesh, b: Mesh) -> np.ndarray:
     return KDTree(b.vertices).query(a.vertices[:: max(1, len(a.vertices) // POINTS)])[0]
 
 
-def merged(when: Condition, more: Condition) -> dict[str, tuple[Value, ...]]:
-    """Two conditions as one that holds where both do."""
-    both = {name: tuple(o for o in options if o in when.get(name, options)) for name, options in more.items()}
-    return {**when, **both}
+def conditions(space: ParameterSpace, names: Sequence[str], effects: Effects) -> dict[str, dict[str, Any]]:
+    """`when` of each of the names: what the space declares, and the options under which there was an effect.
+
+    Conditions that would lead back to the parameter that has them are left out.
+    """
+    found: Conditions = {name: dict(space[name].when) for name in names}
+    for name, choice in [(one, choice) for one in names for choice in effects.when.get(one, {})]:
+        declared = space[name].when.get(choice)
+        options = tuple(o for o in effects.when[name][choice] if declared is None or o in declared)
+        if options and choice in names and name not in above(choice, found):
+            found[name][choice] = options
+    return {name: {choice: list(options) for choice, options in when.items()} for name, when in found.items()}
 
 
 def _run(
