@@ -35,6 +35,10 @@ def cut(image: RGBA | Cutout, wanted: Corrections, mask: RGBA | None = None) -> 
     if isinstance(image, Cutout) and wanted == Corrections():
         return image
     pixels = image.image if isinstance(image, Cutout) else image
+    if wanted.how == "auto" and (wanted.foreground or wanted.background):
+        drawn = (wanted.foreground, wanted.background)
+        foreground, background = (_in_pixels(strokes, pixels, wanted.crop) for strokes in drawn)
+        return cut_out(cropped(pixels, wanted.crop), foreground, background)
     found = _cut_by(wanted, pixels, mask)
     strokes = [(wanted.background, HIDDEN), (wanted.foreground, OBJECT)]
     if not any(drawn for drawn, _ in strokes):
@@ -61,6 +65,14 @@ def _left(shape: tuple[int, ...], crop: Crop) -> tuple[slice, slice]:
     height, width = shape
     down = slice(int(crop.top * height), height - int(crop.bottom * height))
     return down, slice(int(crop.left * width), width - int(crop.right * width))
+
+
+def _in_pixels(strokes: Sequence[Stroke], image: RGBA, crop: Crop) -> list[list[list[float]]]:
+    """The points of strokes, which lie on all of the picture, in pixels of what a crop leaves of it."""
+    down, across = _left(image.shape[:2], crop)
+    height, width = image.shape[:2]
+    start = [across.start, down.start]
+    return [(np.array(stroke.points) * [width - 1, height - 1] - start).tolist() for stroke in strokes]
 
 
 def _cut_by(wanted: Corrections, image: RGBA, mask: RGBA | None) -> Cutout:
