@@ -17,6 +17,8 @@ REACH = 0.06
 BLUR = 0.02
 # A picture whose object is nowhere thicker than this is a line drawing, whose silhouette means nothing.
 THICKNESS = 0.03
+# The mean of red, green and blue from which a pixel counts as white paper.
+PAPER = 250
 
 
 @dataclass(frozen=True)
@@ -76,10 +78,11 @@ class Picture:
 
 
 def is_line_drawing(image: UInt8[np.ndarray, "s s 4"]) -> bool:
-    """Whether nothing in a picture that is cut out is thicker than a line."""
+    """Whether nothing in a picture that is cut out is thicker than a line but white paper, which lines enclose."""
     import cv2
 
-    inside = cv2.distanceTransform((image[..., 3] > 127).astype(np.uint8), cv2.DIST_L2, 3)
+    ink = (image[..., 3] > 127) & (image[..., :3].mean(-1) < PAPER)
+    inside = cv2.distanceTransform(ink.astype(np.uint8), cv2.DIST_L2, 3)
     return float(inside.max()) < THICKNESS / 2 * len(image)
 
 
