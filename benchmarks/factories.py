@@ -1,7 +1,7 @@
 """Infinigen's object factories as generators: `python -m benchmarks factories [NAME...]` makes table and gallery.
 
-Each is added as `dipcg generators add` does it, which builds random parameters in two processes and moves every
-parameter; then random shapes are timed and drawn. What is done stays in DIPCG_BENCH_CACHE (~/.cache/dipcg/factories),
+Each is added as `dipcg generators add` does it, random shapes are timed and drawn, and the contracts are checked as
+`dipcg generators check` does it. What is done stays in DIPCG_BENCH_CACHE (~/.cache/dipcg/factories),
 so that a stopped run continues; DIPCG_BENCH_SECONDS (600) is the time for each, DIPCG_BENCH_TABLE and
 DIPCG_BENCH_GALLERY are files to write.
 """
@@ -19,9 +19,11 @@ import numpy as np
 
 from benchmarks.timing import machine
 from dipcg.images import load_image, save_image
+from dipcg.importing.contracts import check
 from dipcg.importing.seeded import import_program
 from dipcg.inference.preview import contact_sheet, in_rows
 from dipcg.mesh import Mesh, simplify
+from dipcg.registry import allow_code
 from dipcg.tracing.sites import snake
 from dipcg.workers.pool import BuildPool
 
@@ -68,9 +70,13 @@ def factories() -> dict[str, str]:
 def done(name: str) -> dict[str, Any]:
     """The stored result of a factory, or a new one."""
     file = CACHE / f"{name}.json"
-    if not file.exists():
-        file.write_text(json.dumps(tried(name)))
-    return json.loads(file.read_text())
+    result = json.loads(file.read_text()) if file.exists() else tried(name)
+    if not result["reason"] and not result.get("checked"):
+        path = CACHE / f"{snake(name)}.toml"
+        allow_code(path)
+        result |= {"checked": True, "reason": " ".join(found.text for found in check(str(path)) if not found.is_hint)}
+    file.write_text(json.dumps(result))
+    return result
 
 
 def tried(name: str) -> dict[str, Any]:
