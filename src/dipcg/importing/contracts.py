@@ -10,8 +10,9 @@ import numpy as np
 from dipcg.camera import fit, world_to_camera
 from dipcg.generators import Generator, load_generator
 from dipcg.importing.effects import Seen, contexts, find_conditions, observe, random_params, without_effect
+from dipcg.importing.surfaces import moved
 from dipcg.importing.trials import Trials
-from dipcg.mesh import Mesh, differs
+from dipcg.mesh import Mesh
 from dipcg.metrics import chamfer, surface_points
 from dipcg.space import ParameterSpace, Params, Real
 from dipcg.workers.pool import BuildPool
@@ -94,7 +95,7 @@ def _purity(ref: str, built: Built) -> Iterator[Finding]:
 
 
 def _differ(a: Mesh | BuildError, b: Mesh | BuildError) -> bool:
-    return isinstance(a, Mesh) and isinstance(b, Mesh) and differs(a, b)
+    return isinstance(a, Mesh) and isinstance(b, Mesh) and moved(a, b) > 0
 
 
 def _sizes(built: Built) -> Iterator[Finding]:

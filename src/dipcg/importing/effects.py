@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from dipcg.importing.surfaces import moved
 from dipcg.importing.trials import Trials
-from dipcg.mesh import Mesh, differs
+from dipcg.mesh import Mesh
 from dipcg.space import Choice, Parameter, ParameterSpace, Params, Value
 
 # Random contexts beside those that differ from the start in one choice.
@@ -44,7 +45,7 @@ def observe(trials: Trials, parameters: Sequence[Parameter], params: Params) -> 
         tried = trials.meshes([params | {name: values[0]} for name, values in others.items()])
         for (name, values), mesh in zip(list(others.items()), tried, strict=True):
             if isinstance(mesh, Mesh):
-                found[name] = differs(plain, mesh)
+                found[name] = moved(plain, mesh) > 0
             del values[0]
             if not values or found.get(name):
                 del others[name]

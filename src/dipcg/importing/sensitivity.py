@@ -10,22 +10,19 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from dipcg.importing.effects import Conditions, above
+from dipcg.importing.surfaces import moved
 from dipcg.mesh import Mesh
 from dipcg.space import Choice, ParameterSpace, Params, Real, Value
 
 # Builds parameters in order; an error stands in the place of a mesh.
 Build = Callable[[Iterable[Params]], Iterable[Mesh | Exception]]
 
-# A difference of less than this share of the longest side is rounding.
-TOLERANCE = 1e-5
 # Starts from which each parameter is moved, at least and at most: together they have every option of every choice.
 FEWEST, MOST = 3, 6
 # An option counts as one without effect after so many tries.
 TRIES = 3
-POINTS = 1000
 
 
 @dataclass
@@ -106,25 +103,6 @@ def far_value(parameter: Real | Choice, value: Value, rng: np.random.Generator) 
         return parameter.low if parameter.encode(value) > 0 else parameter.high
     others = [option for option in parameter.options if option != value]
     return others[rng.integers(len(others))]
-
-
-def moved(a: Mesh, b: Mesh) -> float:
-    """How far a surface moved, as a share of the longest side; 0 where only rounding differs.
-
-    The mean distance between some vertices, nearest to nearest, which also compares meshes of different faces.
-    """
-    if a.vertices.shape == b.vertices.shape and np.allclose(a.vertices, b.vertices, rtol=0, atol=TOLERANCE * a.side):
-        return 0.0
-    there, back = _distances(a, b) / a.side, _distances(b, a) / a.side
-    # The same vertices in another order are the same surface.
-    if max(there.max(), back.max()) < TOLERANCE and len(a.faces) == len(b.faces):
-        return 0.0
-    return max(float(there.mean() + back.mean()), TOLERANCE)
-
-
-def _distances(a: Mesh, b: Mesh) -> np.ndarray:
-    """From some vertices of a mesh to the nearest of another."""
-    return KDTree(b.vertices).query(a.vertices[:: max(1, len(a.vertices) // POINTS)])[0]
 
 
 def conditions(space: ParameterSpace, names: Sequence[str], effects: Effects) -> dict[str, dict[str, Any]]:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from dipcg.blender.declaration import parameter_of
-from dipcg.importing.sensitivity import activated, moved
+from dipcg.importing.sensitivity import activated
+from dipcg.importing.surfaces import moved
 from dipcg.mesh import Mesh
 from dipcg.space import Choice, ParameterSpace, Params
 from dipcg.tracing.conditions import condition
