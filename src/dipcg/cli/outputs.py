@@ -27,13 +27,23 @@ def check_outputs(outputs: Iterable[Path | None], inputs: Iterable[str | Path | 
 
 
 def _files(path: Path) -> Iterator[Path]:
-    """The file itself, the Blender file of a declaration, or the files of a folder that commands read."""
+    """The file itself, the files that a declaration is over, or the files of a folder that commands read."""
     if path.is_dir():
         for pattern in DATA:
             yield from path.glob(pattern)
     yield path
     if path.suffix == ".toml" and path.is_file():
-        yield path.parent / str(tomllib.loads(path.read_text(encoding="utf-8")).get("blend", ""))
+        yield from _sources(path)
+
+
+def _sources(path: Path) -> Iterator[Path]:
+    """The files that a declaration is over; none for one that cannot be read, which is said when it is loaded."""
+    try:
+        top = tomllib.loads(path.read_text(encoding="utf-8"))
+    except ValueError:
+        return
+    program, _, _ = str(top.get("program", "")).rpartition(":")
+    yield from (path.parent / str(name) for name in (top.get("blend"), top.get("scad"), program) if name)
 
 
 def _with_companions(path: Path) -> tuple[Path, ...]:
