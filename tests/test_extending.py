@@ -90,10 +90,16 @@ def inside(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def test_the_page_has_four_recipes_and_every_block_is_one_that_is_run():
-    # The programs with a seed are run by tests/importing/test_seeded.py.
-    titles = ["A Blender file", "A program with a seed", "A Python function", "A function of another library"]
-    assert re.findall(r"^## (.*)$", PAGE, re.MULTILINE)[:4] == titles
+def test_the_page_has_five_recipes_and_every_block_is_one_that_is_run():
+    # Programs with a seed and OpenSCAD files are run by tests/importing.
+    titles = [
+        "A Blender file",
+        "A program with a seed",
+        "An OpenSCAD file",
+        "A Python function",
+        "A function of another library",
+    ]
+    assert re.findall(r"^## (.*)$", PAGE, re.MULTILINE)[:5] == titles
     known = sum(len(blocks(title, language)) for title in titles for language in ("sh", "python", "toml"))
     assert PAGE.count("```") == 2 * known
 

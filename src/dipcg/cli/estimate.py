@@ -214,8 +214,9 @@ def _targets(images: Sequence[Path], written: Written, preview: Path | None) -> 
         raise ValueError("Give at least one picture.")
     _check_outputs(written, preview)
     files = Targets(written.output, written.params_out, preview)
-    stems = distinct_stems(images) if len(images) > 1 else [files.output.stem]
-    targets = {image: _named(stem, files) for image, stem in zip(images, stems, strict=True)}
+    # The files of a single picture keep the names that were given.
+    names = distinct_stems(images) if len(images) > 1 else [None]
+    targets = {image: _named(name, files) if name else files for image, name in zip(images, names, strict=True)}
     check_outputs([path for image in images for path in targets[image]], images)
     return targets
 

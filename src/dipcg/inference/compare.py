@@ -78,12 +78,15 @@ class Picture:
 
 
 def is_line_drawing(image: UInt8[np.ndarray, "s s 4"]) -> bool:
-    """Whether nothing in a picture that is cut out is thicker than a line but white paper, which lines enclose."""
+    """Whether nothing in a picture that is cut out is thicker than a line but white paper, which lines enclose.
+
+    A white object without any ink is not a drawing.
+    """
     import cv2
 
     ink = (image[..., 3] > 127) & (image[..., :3].mean(-1) < PAPER)
     inside = cv2.distanceTransform(ink.astype(np.uint8), cv2.DIST_L2, 3)
-    return float(inside.max()) < THICKNESS / 2 * len(image)
+    return 0 < float(inside.max()) < THICKNESS / 2 * len(image)
 
 
 def _mean(values: Float32[np.ndarray, "s s"], where: Bool[np.ndarray, "s s"]) -> float:
