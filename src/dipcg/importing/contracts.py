@@ -9,7 +9,7 @@ import numpy as np
 
 from dipcg.camera import fit, world_to_camera
 from dipcg.generators import Generator, load_generator
-from dipcg.importing.effects import Seen, contexts, find_conditions, observe, random_params, without_effect
+from dipcg.importing.sensitivity import activated, conditions, far_value, find_effects, options_of
 from dipcg.importing.surfaces import moved
 from dipcg.importing.trials import Trials
 from dipcg.mesh import Mesh
@@ -135,22 +135,28 @@ def _is_mirror_image(mesh: Mesh, other: Mesh) -> bool:
 
 
 def _effects(trials: Trials, space: ParameterSpace, rng: np.random.Generator) -> Iterator[Finding]:
-    start = random_params(space, rng)
-    tried = [observe(trials, list(space), context) for context in contexts(space, start, rng)]
-    idle = without_effect(trials, space, tried, rng)
-    for name in sorted(idle):
-        yield Finding(f"{name} changes nothing in any trial; use it in build, or take it out.")
-    wrong = dict(_wrong_conditions(space, tried))
+    wrong = dict(_wrong_conditions(trials, space, rng))
     for name, other in wrong.items():
         yield Finding(f"The `when` of {name} is wrong: it also changes the mesh under other options of {other}.")
-    for name, when in find_conditions(trials, space, tried, rng).items():
-        for other, options in when.items():
-            if name not in idle | wrong.keys() and set(space[name].when.get(other, ())) != set(options):
+    effects = find_effects(space, trials.meshes, rng)
+    idle = set(effects.without(space))
+    for name in sorted(idle - wrong.keys()):
+        yield Finding(f"{name} changes nothing in any trial; use it in build, or take it out.")
+    sound = [name for name in space.names if name not in idle | wrong.keys()]
+    for name, when in conditions(space, sound, effects).items():
+        for other, options in ((other, tuple(options)) for other, options in when.items()):
+            if set(space[name].when.get(other, ())) != set(options):
                 yield Finding(f"{name} matters only under {other} = {options}; declare when={{{other!r}: {options}}}.")
 
 
-def _wrong_conditions(space: ParameterSpace, tried: Sequence[Seen]) -> Iterator[tuple[str, str]]:
-    """Parameters that changed the mesh where a condition says that they do not, each with the choice."""
-    for params, found in tried:
-        for name in (name for name, changes in found.items() if changes):
-            yield from ((name, other) for other, allowed in space[name].when.items() if params[other] not in allowed)
+def _wrong_conditions(trials: Trials, space: ParameterSpace, rng: np.random.Generator) -> Iterator[tuple[str, str]]:
+    """Parameters that change the mesh where a condition says that they do not, each with the choice."""
+    for p in space:
+        for other, allowed in p.when.items():
+            excluded = [option for option in options_of(space, other) if option not in allowed]
+            starts = [activated(space, p.name, rng) | {other: option} for option in excluded]
+            plain = trials.meshes(starts)
+            changed = trials.meshes(start | {p.name: far_value(p, start[p.name], rng)} for start in starts)
+            pairs = zip(plain, changed, strict=True)
+            if any(isinstance(a, Mesh) and isinstance(b, Mesh) and moved(a, b) for a, b in pairs):
+                yield p.name, other

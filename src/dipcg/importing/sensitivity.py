@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -16,8 +16,9 @@ from dipcg.importing.surfaces import moved
 from dipcg.mesh import Mesh
 from dipcg.space import Choice, ParameterSpace, Params, Real, Value
 
-# Builds parameters in order; an error stands in the place of a mesh.
-Build = Callable[[Iterable[Params]], Iterable[Mesh | Exception]]
+# Builds parameters in order; an error, or what is wrong in words, stands in the place of a mesh.
+Build = Callable[[Iterable[Params]], Iterable[Mesh | Exception | str]]
+Option = tuple[str, Value]
 
 # Starts from which each parameter is moved, at least and at most: together they have every option of every choice.
 FEWEST, MOST = 3, 6
@@ -27,10 +28,13 @@ TRIES = 3
 
 @dataclass
 class Effects:
-    """For each parameter how far it moved the surface at most, as a share of the side; and the options that matter."""
+    """What was seen: for each parameter how far it moved the surface at most, as a share of the side, and more."""
 
     sizes: dict[str, float] = field(default_factory=dict)
-    when: dict[str, dict[str, tuple[Value, ...]]] = field(default_factory=dict)
+    moved_from: dict[str, list[Params]] = field(default_factory=lambda: defaultdict(list))
+    """For each parameter the starts from which it moved the surface"""
+    quiet: dict[tuple[str, str, Value], int] = field(default_factory=lambda: defaultdict(int))
+    """For a parameter, a choice and an option: how often the parameter stopped mattering when only that was changed"""
     failed: list[str] = field(default_factory=list)
     """Sentences of builds that failed"""
     builds: int = 0
@@ -39,36 +43,34 @@ class Effects:
         """The parameters that changed nothing."""
         return [name for name in space.names if not self.sizes.get(name)]
 
+    def matters_under(self, space: ParameterSpace, name: str, choice: str, option: Value) -> bool:
+        """Whether a parameter was seen to matter under an option, or without the choice."""
+        return any(not space.is_active(choice, one) or one[choice] == option for one in self.moved_from[name])
+
 
 @dataclass(frozen=True)
 class _Trial:
     name: str
     start: Params
     changed: Params
+    option: Option | None = None
+    """The option that was given to a start from which the parameter mattered"""
 
 
 def find_effects(space: ParameterSpace, build: Build, rng: np.random.Generator, seconds: float = 600.0) -> Effects:
     """Move every parameter from several starts, and look again under options where it seemed to do nothing.
 
-    It stops asking for builds after so many seconds.
+    There, only the option is changed in a start from which the parameter matters, because in a random start something
+    else may be the reason. It stops asking for builds after so many seconds.
     """
     found = Effects()
     until = time.monotonic() + seconds
-    counts: dict[tuple[str, str, Value], Counter[bool]] = defaultdict(Counter)
-    starts = covering(space, rng)
-    trials = [_trial(space, name, start, rng) for name in space.names for start in _active(space, name, starts, rng)]
-    _run(space, trials, build, found, counts, until)
+    _run(space, _covered(space, space.names, rng), build, found, until)
     for _ in range(TRIES):
-        doubtful = [key for key, seen in counts.items() if _is_doubtful(key, seen, found)]
-        again = [t for key in doubtful if (t := _under(space, *key, rng))]
-        again += [_trial(space, name, activated(space, name, rng), rng) for name in found.without(space)]
-        if not again:
-            break
-        _run(space, again, build, found, counts, until)
-    for (name, choice, option), seen in counts.items():
-        if found.sizes.get(name) and not seen[True] and seen[False] >= TRIES and name != choice:
-            options = found.when.setdefault(name, {}).setdefault(choice, _allowed(space, name, choice))
-            found.when[name][choice] = tuple(o for o in options if o != option)
+        _run(space, _covered(space, found.without(space), rng), build, found, until)
+    for _ in range(TRIES):
+        doubts = (_under(space, *key, found, rng) for key in _doubtful(space, found))
+        _run(space, [trial for trial in doubts if trial], build, found, until)
     return found
 
 
@@ -105,44 +107,51 @@ def far_value(parameter: Real | Choice, value: Value, rng: np.random.Generator) 
     return others[rng.integers(len(others))]
 
 
+def options_of(space: ParameterSpace, choice: str) -> tuple[Value, ...]:
+    """The options of a choice."""
+    parameter = space[choice]
+    assert isinstance(parameter, Choice)
+    return parameter.options
+
+
 def conditions(space: ParameterSpace, names: Sequence[str], effects: Effects) -> dict[str, dict[str, Any]]:
     """`when` of each of the names: what the space declares, and the options under which there was an effect.
 
     Conditions that would lead back to the parameter that has them are left out.
     """
     found: Conditions = {name: dict(space[name].when) for name in names}
-    for name, choice in [(one, choice) for one in names for choice in effects.when.get(one, {})]:
-        declared = space[name].when.get(choice)
-        options = tuple(o for o in effects.when[name][choice] if declared is None or o in declared)
-        if options and choice in names and name not in above(choice, found):
-            found[name][choice] = options
+    without = [key for key, times in effects.quiet.items() if times >= TRIES and not effects.matters_under(space, *key)]
+    for name, choice, option in without:
+        if name in names and choice in names and name not in above(choice, found):
+            options = tuple(o for o in found[name].get(choice, options_of(space, choice)) if o != option)
+            found[name] |= {choice: options} if options else {}
     return {name: {choice: list(options) for choice, options in when.items()} for name, when in found.items()}
 
 
-def _run(
-    space: ParameterSpace,
-    trials: Sequence[_Trial],
-    build: Build,
-    found: Effects,
-    counts: dict[tuple[str, str, Value], Counter[bool]],
-    until: float,
-) -> None:
-    """Build the starts and the changed parameters, and count under which options there was an effect."""
+def _run(space: ParameterSpace, trials: Sequence[_Trial], build: Build, found: Effects, until: float) -> None:
+    """Build the starts and the changed parameters, and note where there was an effect."""
     trials = sorted(trials, key=lambda trial: repr(trial.start))
     wanted = list(_interleaved(trials))
     taken = itertools.takewhile(lambda _: time.monotonic() < until, (params for _, params in wanted))
-    before: Mesh | Exception | None = None
+    before: Mesh | Exception | str = ""
     for (trial, _), mesh in zip(wanted, build(taken), strict=False):
         found.builds += 1
-        if isinstance(mesh, Exception):
+        if not isinstance(mesh, Mesh):
             found.failed.append(str(mesh))
         if trial is None:
             before = mesh
         elif isinstance(before, Mesh) and isinstance(mesh, Mesh):
-            size = moved(before, mesh)
-            found.sizes[trial.name] = max(size, found.sizes.get(trial.name, 0.0))
-            for choice, option in _options(space, trial.start):
-                counts[trial.name, choice, option][size > 0] += 1
+            _note(space, trial, moved(before, mesh), found)
+
+
+def _note(space: ParameterSpace, trial: _Trial, size: float, found: Effects) -> None:
+    name = trial.name
+    found.sizes[name] = max(size, found.sizes.get(name, 0.0))
+    if size > 0:
+        found.moved_from[name].append(trial.start)
+        return
+    for choice, option in _options(space, trial.start):
+        found.quiet[name, choice, option] += (choice, option) == trial.option
 
 
 def _interleaved(trials: Sequence[_Trial]) -> Iterator[tuple[_Trial | None, Params]]:
@@ -157,28 +166,44 @@ def _trial(space: ParameterSpace, name: str, start: Params, rng: np.random.Gener
     return _Trial(name, start, space.canonical(start | {name: far_value(space[name], start[name], rng)}))
 
 
+def _covered(space: ParameterSpace, names: Sequence[str], rng: np.random.Generator) -> list[_Trial]:
+    """Trials of parameters from the same few starts."""
+    starts = covering(space, rng)
+    return [_trial(space, name, start, rng) for name in names for start in _active(space, name, starts, rng)]
+
+
 def _active(space: ParameterSpace, name: str, starts: list[Params], rng: np.random.Generator) -> list[Params]:
     there = [start for start in starts if space.is_active(name, start)]
     return there or [activated(space, name, rng, start) for start in starts[:FEWEST]]
 
 
-def _is_doubtful(key: tuple[str, str, Value], seen: Counter[bool], found: Effects) -> bool:
-    name, choice, _ = key
-    return name != choice and bool(found.sizes.get(name)) and not seen[True] and seen[False] < TRIES
+def _doubtful(space: ParameterSpace, found: Effects) -> list[tuple[str, str, Value]]:
+    """A parameter, a choice and an option under which it was never seen to matter, as far as that is not settled."""
+    few = [p for p in space if isinstance(p, Choice) and len(p.options) <= MOST]
+    every = [(name, choice.name, option) for name in found.moved_from for choice in few for option in choice.options]
+    return [
+        (name, choice, option)
+        for name, choice, option in dict.fromkeys([*every, *found.quiet])
+        if name != choice
+        and name in found.moved_from
+        and found.quiet[name, choice, option] < TRIES
+        and not found.matters_under(space, name, choice, option)
+    ]
 
 
-def _under(space: ParameterSpace, name: str, choice: str, option: Any, rng: np.random.Generator) -> _Trial | None:
-    """A trial of a parameter with a choice at an option; None where they do not go together."""
-    start = activated(space, name, rng, activated(space, choice, rng) | {choice: option})
-    fits = space.is_active(name, start) and space.is_active(choice, start) and start[choice] == option
-    return _trial(space, name, start, rng) if fits else None
+def _under(
+    space: ParameterSpace, name: str, choice: str, option: Value, found: Effects, rng: np.random.Generator
+) -> _Trial | None:
+    """A trial from where a parameter mattered, with the option in place; None where they do not go together."""
+    mattered = found.moved_from[name][rng.integers(len(found.moved_from[name]))]
+    kept = {other: value for other, value in mattered.items() if space.is_active(other, mattered)}
+    drawn = {p.name: p.decode(rng.uniform(-1, 1)) for p in space}
+    start = space.canonical(drawn | kept | {choice: option})
+    if not (space.is_active(name, start) and space.is_active(choice, start)):
+        return None
+    trial = _trial(space, name, start, rng)
+    return _Trial(name, trial.start, trial.changed, (choice, option))
 
 
-def _options(space: ParameterSpace, params: Params) -> list[tuple[str, Value]]:
+def _options(space: ParameterSpace, params: Params) -> list[Option]:
     return [(p.name, params[p.name]) for p in space if isinstance(p, Choice) and space.is_active(p.name, params)]
-
-
-def _allowed(space: ParameterSpace, name: str, choice: str) -> tuple[Value, ...]:
-    parameter = space[choice]
-    assert isinstance(parameter, Choice)
-    return space[name].when.get(choice, parameter.options)
