@@ -27,7 +27,7 @@ def main(out: str, pictures: list[str]) -> None:
 def _row(inverters: Inverters, picture: str) -> np.ndarray:
     found = estimate(picture, inverters, Options(generator=next(iter(inverters)) if NAMED else None)).estimate
     print(f"{picture}: {found.generator}, {100 * (found.candidates[0].agreement or 0):.0f} % match")
-    return side_by_side(found, with_colours(inverters[found.generator].build(found.params), "photo", found))[::2, ::2]
+    return side_by_side(found, with_colours(inverters[found.generator].build(found.params), found))[::2, ::2]
 
 
 if __name__ == "__main__":

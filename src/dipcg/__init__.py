@@ -8,17 +8,19 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dipcg.inference.colours import with_colours
     from dipcg.inference.rank import rank
     from dipcg.inference.refine import refine
     from dipcg.pipeline import Candidate, Estimate, Inverter
     from dipcg.registry import allow_code
 
 __version__ = "0.1.0"
-__all__ = ["Candidate", "Estimate", "Inverter", "allow_code", "rank", "refine"]
+__all__ = ["Candidate", "Estimate", "Inverter", "allow_code", "rank", "refine", "with_colours"]
 
 # Importing torch takes seconds, so these are loaded at their first use.
 _HOMES = {"Candidate": "pipeline", "Estimate": "pipeline", "Inverter": "pipeline"}
 _HOMES |= {"rank": "inference.rank", "refine": "inference.refine", "allow_code": "registry"}
+_HOMES |= {"with_colours": "inference.colours"}
 # Modules of version 0.1.0 that its documentation names. Their old names still work.
 _MOVED = {"codec": "data.codec", "preview": "inference.preview", "rank": "inference.rank"}
 _MOVED |= {"refine": "inference.refine", "worker": "workers.pool"}

@@ -126,18 +126,38 @@ def finishes(generator: str, part_names: tuple[str, ...]) -> tuple[Finish, ...]:
     return tuple(replace(one, name=f"{part}_{one.name}") for one, part in zip(plain, part_names, strict=True))
 
 
-def part_finishes(part_names: tuple[str, ...]) -> tuple[Finish, ...]:
+def part_colours(part_names: tuple[str, ...]) -> dict[str, Colour]:
     """A colour for each part that tells it from the others."""
-    colours = [PALETTE[number % len(PALETTE)] for number in range(len(part_names))]
-    return tuple(Finish(part, as_colour(colour)) for part, colour in zip(part_names, colours, strict=True))
+    return {part: as_colour(PALETTE[number % len(PALETTE)]) for number, part in enumerate(part_names)}
 
 
-def coloured(finishes: tuple[Finish, ...], colours: Mapping[int, Colour]) -> tuple[Finish, ...]:
-    """The finishes with other colours for some parts, by their numbers; a part with one is no bare metal."""
-    return tuple(
-        replace(one, colour=colours[part], metallic=0.0) if part in colours else one
-        for part, one in enumerate(finishes)
-    )
+def coloured(generator: str, part_names: tuple[str, ...], known: Mapping[str, Colour]) -> tuple[Finish, ...]:
+    """The finishes with the colours that are known, if any are; a part with one is no bare metal."""
+    plain = finishes(generator, part_names)
+    if not known:
+        return plain
+    colours = [_colour(generator, part, known) for part in part_names]
+    return tuple(replace(one, colour=colour, metallic=0.0) for one, colour in zip(plain, colours, strict=True))
+
+
+def _colour(generator: str, part: str, known: Mapping[str, Colour]) -> Colour:
+    """The colour of a part that is known; else the mean of the parts of its family, or of all where it has none."""
+    if part in known:
+        return known[part]
+    kin = [colour for other, colour in known.items() if family(generator, other) == family(generator, part)]
+    return as_colour(srgb(linear(np.array(kin or list(known.values()))).mean(0)))
+
+
+def check_colours(colours: object) -> dict[str, Colour]:
+    """Colours of parts from a file; raises ValueError with a sentence for what is none."""
+    if isinstance(colours, Mapping) and all(_is_colour(colour) for colour in colours.values()):
+        return {str(part): as_colour(np.array(colour)) for part, colour in colours.items()}
+    raise ValueError(f'Colours of parts are numbers from 0 to 1, as in {{"seat": [0.8, 0.1, 0.1]}}, got {colours}.')
+
+
+def _is_colour(value: object) -> bool:
+    numbers = value if isinstance(value, (list, tuple)) else ()
+    return len(numbers) == 3 and all(isinstance(one, (int, float)) and 0 <= one <= 1 for one in numbers)
 
 
 def as_colour(values: Float[np.ndarray, "3"]) -> Colour:

@@ -84,6 +84,16 @@ def test_an_obj_comes_with_its_materials_and_parameters_as_edit_reads_them(clien
     assert json.loads(made.read_text()) == {"generator": "box", "params": TRUTH}
 
 
+def test_a_file_has_the_colours_that_are_sent(client, tmp_path):
+    red, blue = [0.9, 0.1, 0.1], [0.1, 0.1, 0.9]
+    made = trimesh.load(client.build("box", TRUTH, tmp_path / "box.glb", colours={"lid": red, "body": blue}))
+    colours = {name: part.visual.material.baseColorFactor for name, part in made.geometry.items()}
+    assert colours["lid"][0] > 3 * colours["lid"][2]
+    assert colours["body"][2] > 3 * colours["body"][0]
+    text = client.build("box", TRUTH, tmp_path / "box.json", colours={"lid": red}).read_text()
+    assert json.loads(text)["colours"] == {"lid": red}
+
+
 def test_the_size_of_a_file_is_known_before_it_is_fetched(client, tmp_path):
     seen: list = []
     made = client.build("box", TRUTH, tmp_path / "box.glb", seen.append, faces=12)
@@ -140,6 +150,7 @@ def test_what_is_forgotten_is_gone(client, picture):
         ("/assets", {"generator": "box", "params": TRUTH | {"width": 99}}, 422, "from 0.3 to 1 m, got 99"),
         ("/assets", {"generator": "box", "params": TRUTH, "format": ".exe"}, 422, "There is no format '.exe'"),
         ("/assets", {"generator": "box", "params": TRUTH, "format": ".obj", "texture": 64}, 422, "hold no maps"),
+        ("/assets", {"generator": "box", "params": TRUTH, "colours": {"lid": [2, 0, 0]}}, 422, "less than or equal"),
         ("/assets", {"generator": "box", "params": "all"}, 422, "params: Input should be a valid dictionary"),
         ("/assets/preview", {"generator": "../../etc/passwd", "params": TRUTH}, 404, "There is no generator"),
     ],

@@ -3,6 +3,9 @@
 Screenshots are left in out/screenshots for people to look at.
 """
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
@@ -34,6 +37,13 @@ TYPE = """(field, values) => values.forEach((value) => {
     field.value = value;
     field.dispatchEvent(new Event("change"));
 })"""
+
+
+def base_colours(file: Path) -> list[tuple[float, ...]]:
+    """The colours of the materials of a GLB, in linear light."""
+    data = file.read_bytes()
+    document = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    return [tuple(one["pbrMetallicRoughness"]["baseColorFactor"][:3]) for one in document["materials"]]
 
 
 def test_from_a_picture_to_an_edited_file(visit, picture, tmp_path):
@@ -71,10 +81,11 @@ def test_candidates_stand_in_the_order_that_their_labels_say(visit, picture):
     expect(page.locator("#candidates-note")).to_contain_text("best guess first, then by how well they match")
 
 
-def test_the_asset_has_the_colours_of_the_photo_where_they_are_asked_for(visit, picture):
+def test_the_asset_has_the_colours_of_the_photo_where_they_are_asked_for(visit, picture, tmp_path):
     page = visit()
     upload(page, picture)
     seen(page)
+    expect(page.locator("#look-photo")).to_be_checked()
     plain = pixels(page)
     page.get_by_text("Parts", exact=True).click()
     seen(page)
@@ -84,6 +95,10 @@ def test_the_asset_has_the_colours_of_the_photo_where_they_are_asked_for(visit, 
     seen(page)
     red, green, blue = pixels(page)
     assert red > 1.5 * max(green, blue)
+    file = downloaded(page, ".glb", tmp_path)
+    assert {tuple(np.round(colour, 3)) for colour in base_colours(file)} == {(0.787, 0.01, 0.01)}
+    page.get_by_text("Materials", exact=True).click()
+    assert (0.787, 0.01, 0.01) not in base_colours(downloaded(page, ".glb", tmp_path))
 
 
 def test_menus_show_the_probabilities_of_the_picture_that_is_open(visit, picture, tmp_path):

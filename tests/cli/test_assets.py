@@ -89,6 +89,23 @@ def test_an_edit_is_drawn_before_and_after_on_one_scale(tmp_path):
     assert after / before == pytest.approx(4, rel=0.05), "twice the radius, four times the picture"
 
 
+def test_an_edit_keeps_the_colours_of_the_photo(untrained):
+    pixels = np.full((48, 48, 3), 255, np.uint8)
+    pixels[12:36, 14:34] = [200, 20, 20]
+    Image.fromarray(pixels).save("red.png")
+    words = ("estimate", "red.png", "-g", untrained, "-o", "a.glb", "--params-out", "a.json")
+    assert run(*words, "--candidates", 1, "--steps", 1) == 0
+    document = json.loads(Path("a.json").read_text())
+    assert all(red > 3 * max(green, blue) for red, green, blue in document["colours"].values())
+    edit = ("edit", "a.json", "--set", "has_legs=1", "leg_height=0.3", "-o")
+    assert run(*edit, "b.glb") == run(*edit, "c.glb", "--colours", "material") == 0
+    legs = [trimesh.load(name).geometry["leg"].visual.material.baseColorFactor for name in ("b.glb", "c.glb")]
+    assert legs[0][0] > 3 * legs[0][1]
+    assert legs[1][0] < 1.5 * legs[1][1]
+    Path("a.json").write_text(json.dumps(document | {"colours": {"leg": "red"}}))
+    assert run(*edit, "d.glb") == 1
+
+
 def test_a_folder_is_worked_through_and_a_second_run_does_what_is_missing(capsys, untrained):
     Path("in").mkdir()
     pixels = np.full((48, 48, 3), 255, np.uint8)

@@ -8,8 +8,9 @@ import pytest
 from dipcg.camera import View
 from dipcg.images import MARGIN
 from dipcg.inference.colours import photo_colours, with_colours
-from dipcg.materials import finishes, part_finishes
+from dipcg.materials import check_colours, coloured, finishes, part_colours
 from dipcg.render import Look, Renderer
+from dipcg.space import document_from_json
 from dipcg.studio import draw
 
 VIEW = View(30.0, 20.0)
@@ -28,21 +29,50 @@ def photo(asset):
 
 def test_each_part_gets_the_colour_that_the_photo_shows_there(asset, photo):
     found = photo_colours(photo[0], asset.mesh, VIEW)
-    np.testing.assert_allclose([found[part] for part in range(3)], photo[1], atol=0.02)
+    np.testing.assert_allclose([found[part] for part in asset.mesh.part_names], photo[1], atol=0.02)
 
 
-def test_a_part_that_is_not_seen_gets_the_colour_of_what_is(asset, photo):
-    from_below = View(30.0, -80.0)
+def test_a_part_that_is_not_seen_has_no_colour_of_its_own(asset, photo):
     hidden = asset.mesh.part_names.index("lid")
     small = replace(asset.mesh, vertices=asset.mesh.vertices.copy())
     small.vertices[np.unique(small.faces[small.parts == hidden])] = small.centre
-    found = photo_colours(photo[0], small, from_below)
-    assert max(found[hidden]) > 0.1
+    assert "lid" not in photo_colours(photo[0], small, View(30.0, -80.0))
+
+
+def test_a_part_without_a_colour_looks_like_its_family_or_else_like_all():
+    red, blue = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+    seat, leg, arm = coloured("chair", ("seat", "leg", "arm"), {"seat": red, "leg": blue})
+    assert (seat.colour, leg.colour) == (red, blue)
+    np.testing.assert_allclose(arm.colour, blue)
+    assert seat.name == "seat_fabric"
+    (cushion,) = coloured("chair", ("seat",), {"leg": red, "back": blue})
+    # Half the light of each.
+    np.testing.assert_allclose(cushion.colour, [0.7354, 0, 0.7354], atol=1e-4)
 
 
 def test_without_a_photo_parts_have_the_colours_of_materials(asset):
-    assert with_colours(asset, "photo").finishes == finishes("box", asset.mesh.part_names)
-    assert with_colours(asset, "parts").finishes == part_finishes(asset.mesh.part_names)
+    names = asset.mesh.part_names
+    assert with_colours(asset).materials == finishes("box", names)
+    assert dict(with_colours(asset, colours="parts").colours) == part_colours(names)
+    red = replace(asset, colours={"lid": (1.0, 0.0, 0.0)})
+    assert with_colours(red) is red
+    assert with_colours(red, colours="material").materials == finishes("box", names)
+
+
+def test_a_parameter_file_keeps_the_colours_and_needs_none(asset, tmp_path):
+    red = replace(asset, colours={"lid": (0.9, 0.05, 0.05)})
+    document = document_from_json(red.save_params(tmp_path / "red.json").read_text())
+    assert check_colours(document["colours"]) == red.colours
+    assert document["params"] == asset.params
+    assert "colours" not in document_from_json(asset.save_params(tmp_path / "plain.json").read_text())
+
+
+@pytest.mark.parametrize(
+    "colours", [3, [1, 0, 0], {"lid": "red"}, {"lid": [1, 0]}, {"lid": [1, 0, 2]}, {"lid": [1, 0, float("nan")]}]
+)
+def test_what_is_no_colour_gets_a_sentence(colours):
+    with pytest.raises(ValueError, match="Colours of parts are numbers from 0 to 1"):
+        check_colours(colours)
 
 
 def test_the_studio_shows_materials_and_a_shadow_on_the_floor(asset):

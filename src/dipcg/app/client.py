@@ -80,7 +80,7 @@ class Client:
     def build(
         self, generator: str, params: Mapping[str, Any], path: str | Path, report: Report | None = None, **options: Any
     ) -> Path:
-        """Build an asset and save it, in the format of the path's ending; `options`: detail, faces, texture.
+        """Build an asset and save it, in the format of the path's ending; `options`: detail, faces, texture, colours.
 
         An OBJ comes as an archive with its materials, so the file that was written is returned.
         """

@@ -20,7 +20,6 @@ from dipcg.app.studio import Studio
 from dipcg.export.asset import BLEND, FBX, FORMATS, NEEDS, TEXTURED, Asset, ExportError
 from dipcg.export.gltf import glb
 from dipcg.mesh import Mesh
-from dipcg.space import params_to_json
 
 PARAMETERS = ".json"
 
@@ -81,7 +80,8 @@ class Making:
         request, job = ordered.request, ordered.job
         generator = self._studio.generator(request.generator)
         params = generator.space.validate(request.params)
-        asset = _finished(Asset(build.result(), generator.ref, params), request, job)
+        asset = Asset(build.result(), generator.ref, params, colours=request.colours)
+        asset = _finished(asset, request, job)
         job.report(0.9, "Writing")
         folder = Path(tempfile.mkdtemp(dir=self._folder))
         try:
@@ -122,7 +122,7 @@ def _finished(asset: Asset, request: AssetRequest, job: Job) -> Asset:
 def _written(asset: Asset, target: Path) -> Path:
     """The written file, or an archive when others were written beside it, as an OBJ's materials are."""
     if target.suffix == PARAMETERS:
-        target.write_text(params_to_json(asset.params, asset.generator))
+        target.write_text(asset.document)
         return target
     asset.export(target)
     if len(list(target.parent.iterdir())) == 1:

@@ -94,6 +94,8 @@ class AssetRequest(PreviewRequest):
     """triangles to simplify to, about"""
     texture: Annotated[int, Field(ge=16, le=MOST_TEXTURE)] | None = None
     """side of baked maps in pixels"""
+    colours: Annotated[dict[Name, tuple[Share, Share, Share]], Field(max_length=256)] = {}
+    """colours of parts in sRGB, as candidates have them; without any, plausible materials"""
 
 
 class Option(BaseModel):
@@ -181,7 +183,7 @@ class Candidate(BaseModel):
     thumbnail: str | None = None
     """a picture of it as a data: URL"""
     colours: dict[str, tuple[float, float, float]] = {}
-    """the colour of each part in the picture, in sRGB from 0 to 1, where it can be seen"""
+    """the colour of each part in the picture, in sRGB from 0 to 1: give them to POST /assets for a file with them"""
 
 
 class EstimateResult(BaseModel):

@@ -9,13 +9,13 @@ from typing import Any
 
 from dipcg.app.pictures import data_url
 from dipcg.app.studio import Studio
-from dipcg.images import MARGIN, crop_to_object
-from dipcg.inference.colours import photo_colours
-from dipcg.inference.compare import is_line_drawing
+from dipcg.images import MARGIN
+from dipcg.inference.colours import seen_colours
 from dipcg.inference.estimate import Result, ranked
 from dipcg.inference.preview import TEXT_VIEW
 from dipcg.inference.rank import merge, order
 from dipcg.inference.serialise import to_dict
+from dipcg.materials import coloured
 from dipcg.mesh import Mesh
 from dipcg.pipeline import Candidate, Estimate
 from dipcg.render import Renderer
@@ -60,12 +60,11 @@ def thumbnail(candidate: Candidate) -> str:
 
 
 def _colours(estimate: Estimate, candidate: Candidate) -> PartColours:
-    """The colours of the picture on the parts of a built candidate; none for a sentence or a line drawing."""
-    mesh, from_words = candidate.mesh, estimate.background == "words"
-    if mesh is None or from_words or is_line_drawing(crop_to_object(estimate.image, TILE)):
-        return {}
-    found = photo_colours(estimate.image, mesh, candidate.view)
-    return {mesh.part_names[number]: colour for number, colour in found.items()}
+    """The colours of a built candidate's parts in its file, if the picture shows any."""
+    assert candidate.mesh is not None
+    known = seen_colours(estimate, candidate.mesh, candidate.view)
+    names = candidate.mesh.part_names if known else ()
+    return {part: one.colour for part, one in zip(names, coloured(estimate.ref, names, known), strict=True)}
 
 
 def as_answer(result: Result, picture: str | None, judged: Judged | None = None) -> dict[str, Any]:

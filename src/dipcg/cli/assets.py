@@ -5,7 +5,7 @@ from __future__ import annotations
 import json as jsons
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -18,6 +18,7 @@ from dipcg.generators import Detail
 if TYPE_CHECKING:
     from dipcg.export.asset import Asset
     from dipcg.generators import Generator
+    from dipcg.materials import Colour
     from dipcg.results import Estimate
     from dipcg.space import Params
 
@@ -72,7 +73,7 @@ class Written:
         """The asset simplified, with colours and texture maps, as the flags say; raises BlenderError."""
         from dipcg.inference.colours import with_colours
 
-        asset = with_colours(replace(asset, material_seed=self.material_seed), self.colours, estimate)
+        asset = with_colours(replace(asset, material_seed=self.material_seed), estimate, self.colours)
         asset = asset if self.faces is None else asset.with_faces(self.faces)
         return asset if self.texture is None else _textured(asset, self.texture)
 
@@ -129,15 +130,17 @@ def edit(
         preview: PNG file for the asset before and after, from the same camera
     """
     from dipcg.generators import load_generator
-    from dipcg.space import params_from_json
+    from dipcg.materials import check_colours
+    from dipcg.space import document_from_json
 
-    name, params = params_from_json(_read(file))
+    document = document_from_json(_read(file))
+    name, colours = document["generator"], check_colours(document.get("colours", {}))
     check_outputs((output.output, output.params_out, preview), (file, name))
     generator = load_generator(name)
-    before = generator.space.validate(params)
+    before = generator.space.validate(document["params"])
     after = generator.space.replace(before, parse_settings(set))
     _check_preview(preview)
-    _build_and_write(generator, after, output, before, preview)
+    _build_and_write(generator, after, output, before, preview, colours)
 
 
 def parse_settings(settings: Sequence[Sequence[str]]) -> dict[str, str]:
@@ -172,7 +175,12 @@ def _read(file: Path) -> str:
 
 
 def _build_and_write(
-    generator: Generator, params: Params, written: Written, before: Params | None = None, preview: Path | None = None
+    generator: Generator,
+    params: Params,
+    written: Written,
+    before: Params | None = None,
+    preview: Path | None = None,
+    colours: Mapping[str, Colour] | None = None,
 ) -> None:
     """Build and write an asset, print that, and draw it, beside the asset of the parameters before if there are any."""
     from dipcg.export.asset import Asset
@@ -180,15 +188,14 @@ def _build_and_write(
 
     written.check()
     with BuildPool(generator) as pool:
-        asset = Asset(pool.build(params, written.built), generator.ref, params)
-        others = [before] if preview and before else []
-        drawn = [Asset(pool.build(other, written.built), generator.ref, other) for other in others]
-    asset = written.finish(asset)
+        every = [before, params] if preview and before else [params]
+        assets = [Asset(pool.build(one, written.built), generator.ref, one, colours=colours or {}) for one in every]
+    asset = written.finish(assets[-1])
     asset.export(written.output)
     if written.params_out is not None:
         asset.save_params(written.params_out)
     if preview:
-        _draw([*drawn, asset], written, generator, preview)
+        _draw([*assets[:-1], asset], written, generator, preview)
     faces = len(asset.mesh.faces)
     made = {"generator": generator.name, "output": str(written.output), "faces": faces, "params": params}
     print(jsons.dumps(made) if written.json else f"Wrote {written.output}, {faces:,} triangles.")
@@ -201,5 +208,5 @@ def _draw(assets: list[Asset], written: Written, generator: Generator, path: Pat
     from dipcg.inference.colours import with_colours
     from dipcg.inference.preview import same_camera
 
-    coloured = [with_colours(asset, written.colours) for asset in assets]
+    coloured = [with_colours(asset, colours=written.colours) for asset in assets]
     save_image(np.concatenate(same_camera(coloured, generator.views.middle), 1), path)

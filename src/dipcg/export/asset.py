@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from dipcg.export.scene import Scene, compose, on_floor
 from dipcg.files import write_file, written
-from dipcg.materials import Finish, finishes
+from dipcg.materials import Colour, Finish, coloured
 from dipcg.mesh import Mesh, simplify
 from dipcg.space import Params, params_to_json
 from dipcg.surface import Maps
@@ -35,7 +36,7 @@ class Asset:
     """A mesh with the parameters that made it, and the name or path of their generator.
 
     `maps` are the texture maps of `export.textures.texture`; `material_seed` chooses Infinigen's materials in a Blender
-    file. `finishes` are the plain materials of the parts; by default they follow from the names of the parts.
+    file. `colours` are those of parts by name, such as a photograph shows; those of others follow from them.
     """
 
     mesh: Mesh
@@ -43,7 +44,7 @@ class Asset:
     params: Params
     maps: Maps | None = None
     material_seed: int = 0
-    finishes: tuple[Finish, ...] | None = None
+    colours: Mapping[str, Colour] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -53,7 +54,7 @@ class Asset:
     @property
     def materials(self) -> tuple[Finish, ...]:
         """The plain material of each part."""
-        return self.finishes or finishes(self.generator, self.mesh.part_names)
+        return coloured(self.generator, self.mesh.part_names, self.colours)
 
     def scene(self, copies: bool = False) -> Scene:
         """What a file holds; with `copies` each shape that has some is there once."""
@@ -78,9 +79,15 @@ class Asset:
             raise ExportError(f"{path} cannot be written ({error.strerror or error}).") from None
         return path
 
+    @property
+    def document(self) -> str:
+        """The parameters, and colours if there are any, as the JSON text that `dipcg edit` reads."""
+        others = {"colours": self.colours} if self.colours else {}
+        return params_to_json(self.params, self.generator, **others)
+
     def save_params(self, path: str | Path) -> Path:
-        """Write the parameters as JSON, for `dipcg edit`."""
-        write_file(path, params_to_json(self.params, self.generator))
+        """Write the parameters and colours as JSON, for `dipcg edit`."""
+        write_file(path, self.document)
         return Path(path)
 
 
@@ -135,11 +142,11 @@ def _write(asset: Asset, path: Path) -> None:
     elif suffix == BLEND:
         from dipcg.export.blend import write_blend
 
-        write_blend(on_floor(asset.mesh), asset.generator, asset.params, asset.material_seed, path)
+        write_blend(asset, path)
     elif suffix == FBX:
         from dipcg.export.blend import write_fbx
 
-        write_fbx(on_floor(asset.mesh), asset.name, asset.materials, path)
+        write_fbx(asset, path)
     elif suffix == ".obj":
         from dipcg.export.obj import write_obj
 

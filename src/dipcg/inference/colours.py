@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import UInt8
 
 from dipcg.camera import View
 from dipcg.export.asset import Asset
-from dipcg.images import MARGIN, prepare
-from dipcg.materials import Colour, as_colour, coloured, finishes, linear, part_finishes, srgb
+from dipcg.images import MARGIN, crop_to_object, prepare
+from dipcg.inference.compare import is_line_drawing
+from dipcg.materials import Colour, as_colour, linear, part_colours, srgb
 from dipcg.mesh import Mesh
 from dipcg.render import Look, Renderer
 from dipcg.results import Estimate
@@ -24,40 +24,38 @@ SIDE = 256
 LEAST_PIXELS = 12
 
 
-def with_colours(asset: Asset, colours: Colours, estimate: Estimate | None = None) -> Asset:
+def with_colours(asset: Asset, estimate: Estimate | None = None, colours: Colours = "photo") -> Asset:
     """The asset in the colours of the photograph, of plausible materials, or with one colour for each part.
 
-    Without a photograph its parts have plausible materials.
+    Without an estimate, `photo` leaves the asset with the colours that it has.
     """
-    names = asset.mesh.part_names
     if colours == "parts":
-        return replace(asset, finishes=part_finishes(names))
-    plain = finishes(asset.generator, names)
-    if colours == "photo" and estimate is not None and estimate.background != "words":
-        plain = coloured(plain, photo_colours(estimate.image, asset.mesh, estimate.view))
-    return replace(asset, finishes=plain)
+        return replace(asset, colours=part_colours(asset.mesh.part_names))
+    if colours == "material":
+        return replace(asset, colours={})
+    return asset if estimate is None else replace(asset, colours=seen_colours(estimate, asset.mesh, estimate.view))
 
 
-def photo_colours(image: UInt8[np.ndarray, "h w 4"], mesh: Mesh, view: View) -> Mapping[int, Colour]:
-    """For each part the mean colour, in linear light, of what the photograph shows where the part is seen.
+def seen_colours(estimate: Estimate, mesh: Mesh, view: View) -> dict[str, Colour]:
+    """The colours of the picture on the parts that it shows; none for a sentence, or for a line drawing."""
+    if estimate.background == "words" or is_line_drawing(crop_to_object(estimate.image, SIDE)):
+        return {}
+    return photo_colours(estimate.image, mesh, view)
 
-    Pixels at the edge of a part or of the object are left out. A part that is not seen has the colour of all that is.
-    Nothing is returned when the estimate does not meet the object in the photograph.
+
+def photo_colours(image: UInt8[np.ndarray, "h w 4"], mesh: Mesh, view: View) -> dict[str, Colour]:
+    """For each part that is seen the mean colour, in linear light, of what the photograph shows there.
+
+    Pixels at the edge of a part or of the object are left out. Where the estimate does not meet the object in the
+    photograph, no part is seen.
     """
     picture = prepare(np.ascontiguousarray(image), SIDE)[0]
     seen = _seen(mesh, view)
     kernel = np.ones((3, 3), np.uint8)
     inside = np.asarray(cv2.erode((picture[..., 3] > 250).astype(np.uint8), kernel), np.uint8) > 0
     light, every = linear(picture[..., :3] / 255.0), inside & (seen >= 0)
-    if every.sum() < LEAST_PIXELS:
-        return {}
-    parts = range(len(mesh.part_names))
-    return {part: _mean(light, every & (seen == part), every) for part in parts}
-
-
-def _mean(light: Float[np.ndarray, "h w 3"], own: Bool[np.ndarray, "h w"], every: Bool[np.ndarray, "h w"]) -> Colour:
-    chosen = own if own.sum() >= LEAST_PIXELS else every
-    return as_colour(srgb(light[chosen].mean(0)))
+    own = {name: every & (seen == part) for part, name in enumerate(mesh.part_names)}
+    return {name: as_colour(srgb(light[here].mean(0))) for name, here in own.items() if here.sum() >= LEAST_PIXELS}
 
 
 def _seen(mesh: Mesh, view: View) -> np.ndarray:

@@ -1,6 +1,7 @@
 // The file of the open asset: its size is shown before it is saved, and the command that makes it again.
 import * as api from "./api.js";
 import { capital, find, make, settled, size } from "./dom.js";
+import { look, photoColours } from "./looks.js";
 import { command } from "./space.js";
 import * as state from "./state.js";
 import { announce, say, tell } from "./toast.js";
@@ -28,7 +29,7 @@ export function start({ formats, textures, details, limits }, generators) {
     const { format } = now.download;
     find("#detail").disabled = find("#faces").disabled = format === ".json";
     find("#texture").disabled = !textures.includes(format);
-    if (now.open?.params === before.open?.params && now.download === before.download) return;
+    if (now.open?.params === before.open?.params && now.download === before.download && now.colours === before.colours) return;
     find("#command").textContent = now.open ? command(generators.find(({ name }) => name === now.open.generator), request()) : "";
     find("#file-size").textContent = "";
     if (now.open && !request().texture) soon();
@@ -45,10 +46,11 @@ function choose(name, field) {
 }
 
 function request() {
-  const { open, download: { format, detail, faces, texture } } = state.get();
+  const now = state.get(), { open, download: { format, detail, faces, texture } } = now;
   const wanted = { generator: open.generator, params: open.params, format, detail };
   if (faces && !find("#faces").disabled) wanted.faces = Number(faces);
   if (texture && !find("#texture").disabled) wanted.texture = Number(texture);
+  if (look(now) === "photo") wanted.colours = photoColours(now);
   return wanted;
 }
 

@@ -5,9 +5,8 @@ import { Color, MeshStandardMaterial } from "../vendor/three.js";
 const PALETTE = [[0.76, 0.6, 0.42], [0.45, 0.58, 0.66], [0.66, 0.45, 0.4], [0.55, 0.65, 0.45], [0.62, 0.55, 0.7], [0.8, 0.72, 0.5]];
 
 /** Paint a loaded GLB as `colours` of the state says; the materials of the file are kept beside. */
-export function paint(asset, { colours, open, results }) {
-  const photo = results[open?.result]?.candidates[Math.max(open.chosen, 0)]?.colours;
-  const parts = new Map();
+export function paint(asset, now) {
+  const colours = look(now), photo = photoColours(now), parts = new Map();
   asset.traverse((node) => {
     if (!node.isMesh) return;
     node.userData.own ??= node.material;
@@ -16,6 +15,12 @@ export function paint(asset, { colours, open, results }) {
     node.material = parts.get(part) ?? node.userData.own;
   });
 }
+
+/** The colours of the photo on the parts of the open asset; none without a photo that shows any. */
+export const photoColours = ({ open, results }) => results[open?.result]?.candidates[Math.max(open.chosen, 0)]?.colours ?? {};
+
+/** The look that the visitor chose; that of materials where there are no colours of a photo. */
+export const look = (now) => (now.colours === "photo" && !Object.keys(photoColours(now)).length ? "materials" : now.colours);
 
 /** The name of a part: of the node below the root of the file. Copies of a shape lie deeper. */
 function partOf(node, asset) {

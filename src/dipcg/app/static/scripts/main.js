@@ -6,6 +6,7 @@ import * as correct from "./correct.js";
 import { find } from "./dom.js";
 import * as download from "./download.js";
 import * as estimating from "./estimating.js";
+import { look, photoColours } from "./looks.js";
 import * as parameters from "./parameters.js";
 import * as picture from "./picture.js";
 import * as preview from "./preview.js";
@@ -34,12 +35,11 @@ async function start() {
 /** The switch for the colours of the asset. */
 function looks() {
   for (const choice of document.querySelectorAll("#looks input")) {
-    choice.checked = choice.value === state.get().colours;
     choice.addEventListener("change", () => state.set({ colours: choice.value }));
   }
-  state.listen(({ open, results }) => {
-    const photo = results[open?.result]?.candidates[Math.max(open.chosen, 0)]?.colours;
-    find("#look-photo").disabled = !Object.keys(photo ?? {}).length;
+  state.listen((now) => {
+    find("#look-photo").disabled = !Object.keys(photoColours(now)).length;
+    find(`#looks [value=${look(now)}]`).checked = true;
   });
 }
 

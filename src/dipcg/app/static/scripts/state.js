@@ -18,7 +18,7 @@ const EMPTY = {
   // The estimate that is under way: {id, result, seen}.
   job: null,
   // How the viewer colours the asset, and the choices of the download.
-  colours: "materials",
+  colours: "photo",
   download: { format: ".glb", detail: "standard", faces: "", texture: "" },
   // Which parts of the parameters are folded open, by generator and part.
   unfolded: {},
