@@ -16,10 +16,10 @@ from jaxtyping import Float
 from trimesh.proximity import closest_point
 from trimesh.sample import sample_surface
 
-from dipcg.copies import find_copies
 from dipcg.export.asset import Asset
 from dipcg.generators import Detail
 from dipcg.mesh import Mesh
+from dipcg.mesh.copies import find_copies
 from dipcg.workers.pool import BuildPool
 
 NAMES = ("chair", "table", "vase", "basket", "flower", "dandelion")

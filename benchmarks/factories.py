@@ -22,7 +22,8 @@ from dipcg.images import load_image, save_image
 from dipcg.importing.contracts import check
 from dipcg.importing.seeded import import_program
 from dipcg.inference.preview import contact_sheet, in_rows
-from dipcg.mesh import Mesh, simplify
+from dipcg.mesh import Mesh
+from dipcg.mesh.simplify import simplify
 from dipcg.registry import allow_code
 from dipcg.tracing.sites import snake
 from dipcg.workers.pool import BuildPool

@@ -147,7 +147,8 @@ def _descendants(pid: int) -> list[int]:
 def _words(path: Path) -> list[str]:
     try:
         return path.read_text().split()
-    except OSError:  # the thread has ended meanwhile
+    # The thread may have ended meanwhile.
+    except OSError:
         return []
 
 

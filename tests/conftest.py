@@ -13,7 +13,7 @@ from markers import MARKED, TESTS
 
 from dipcg.export.asset import Asset
 from dipcg.generators import load_generator
-from dipcg.surface import Maps, corner_normals
+from dipcg.mesh.surface import Maps, corner_normals
 from dipcg.workers.pool import BuildPool
 
 # A loaded machine is no failure.

@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+import tokenize
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -32,9 +33,9 @@ ROOMS = {
     "app": Room("inference", torch="anywhere"),
     "training": Room("inference", torch="anywhere"),
     "evaluation": Room("inference", torch="anywhere"),
-    "inference": Room("pipeline metrics", torch="anywhere"),
+    "inference": Room("pipeline metrics render", torch="anywhere"),
     "pipeline": Room("data export model results", torch="anywhere"),
-    "results": Room("images"),
+    "results": Room("images mesh"),
     "export": Room("workers"),
     "importing": Room("workers metrics"),
     "data": Room("workers"),
@@ -43,10 +44,12 @@ ROOMS = {
     "generators": Room("tracing openscad", blender="in functions"),
     "openscad": Room("blender"),
     "tracing": Room("blender"),
-    "blender": Room("root", blender="in functions"),
+    "blender": Room("mesh", blender="in functions"),
     "encoders": Room("images", torch="anywhere"),
     "images": Room("root", torch="anywhere"),
-    "metrics": Room("root", torch="anywhere"),
+    "metrics": Room("mesh", torch="anywhere"),
+    "render": Room("mesh"),
+    "mesh": Room("root"),
     "root": Room(""),
 }
 # The faces of the package, which import what they show when they are asked for it.
@@ -55,6 +58,7 @@ FORBIDDEN_NAMES = {"utils", "core", "common", "helpers", "base"}
 BLENDER = {"bpy", "infinigen"}
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 MAX_LINES = 300
+FOR_TOOLS = re.compile(r"#\s*(noqa|fmt|type|pyright|ruff)\b")
 
 FILES = sorted(PACKAGE.rglob("*.py"))
 per_file = pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
@@ -75,6 +79,8 @@ def test_the_rule_refuses_what_runs_back_up() -> None:
     assert may_import("dipcg.inference.rank", "dipcg.camera")
     assert not may_import("dipcg.data.store", "dipcg.pipeline")
     assert not may_import("dipcg.space", "dipcg.generators")
+    assert not may_import("dipcg.mesh.copies", "dipcg.render.studio")
+    assert not may_import("dipcg.camera", "dipcg.mesh")
     assert not may_import("dipcg.encoders.conv", "dipcg.metrics.chamfer")
     assert not may_import("dipcg.training.train", "dipcg.evaluation.evaluate")
 
@@ -141,6 +147,17 @@ def test_files_are_short(path: Path) -> None:
     assert count <= MAX_LINES, f"{path.name} has {count} lines, at most {MAX_LINES}; is there a second subject in it?"
 
 
+@pytest.mark.parametrize("folder", ["src", "tests", "benchmarks", "examples", "addon"])
+def test_comments_stand_on_lines_of_their_own(folder: str) -> None:
+    trailing = [place for path in (ROOT / folder).rglob("*.py") for place in comments_behind_code(path)]
+    assert not trailing, f"Put these comments above the code, as sentences: {', '.join(trailing)}."
+
+
+def test_a_comment_behind_code_is_found(tmp_path: Path) -> None:
+    (tmp_path / "a.py").write_text("a = 1  # noqa: X\n# above\nb = '# no comment'\nc = 2  # behind\n")
+    assert comments_behind_code(tmp_path / "a.py") == ["a.py:4"]
+
+
 HELP = """
 from dipcg.cli import main
 sys.argv = ["dipcg", "--help"]
@@ -149,6 +166,14 @@ try:
 except SystemExit as end:
     assert not end.code, end.code
 """
+
+
+def comments_behind_code(path: Path) -> list[str]:
+    """The places of comments that share a line with code, other than those that tools read."""
+    with path.open("rb") as file:
+        comments = [token for token in tokenize.tokenize(file.readline) if token.type == tokenize.COMMENT]
+    behind = [token for token in comments if token.line[: token.start[1]].strip() and not FOR_TOOLS.match(token.string)]
+    return [f"{path.name}:{token.start[0]}" for token in behind]
 
 
 def module_name(path: Path) -> str:

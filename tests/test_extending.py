@@ -18,9 +18,9 @@ from dipcg.cli import main
 from dipcg.data.store import Store
 from dipcg.generators import load_generator
 from dipcg.images import MARGIN, save_image
+from dipcg.parameter_file import params_from_json
 from dipcg.registry import allow_code
 from dipcg.render import Renderer
-from dipcg.space import params_from_json
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "extending.md").read_text()

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from dipcg.space import Choice, ParameterSpace, Real, params_from_json, params_to_json
+from dipcg.parameter_file import params_from_json, params_to_json
+from dipcg.space import Choice, ParameterSpace, Real
 
 SPACE = ParameterSpace(
     Real("width", 0.3, 0.8, unit="m", doc="of the seat"),

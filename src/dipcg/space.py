@@ -220,28 +220,6 @@ class ParameterSpace:
         return hashlib.sha256(json.dumps(essence).encode()).hexdigest()[:16]
 
 
-def params_to_json(params: Params, generator: str, **others: Any) -> str:
-    """Parameters as the JSON text that `dipcg edit` reads; `others` are stored beside them."""
-    return json.dumps({"generator": generator, "params": params} | others, indent=1)
-
-
-def params_from_json(text: str) -> tuple[str, dict[str, Any]]:
-    """Read what `params_to_json` wrote: generator name and unchecked parameters; raises ValueError."""
-    document = document_from_json(text)
-    return document["generator"], document["params"]
-
-
-def document_from_json(text: str) -> dict[str, Any]:
-    """All that `params_to_json` wrote, unchecked except for a name and parameters; raises ValueError."""
-    try:
-        document = json.loads(text)
-        return document | {"generator": str(document["generator"]), "params": dict(document["params"])}
-    except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(
-            f'A parameter file is JSON like {{"generator": "chair", "params": {{…}}}}; this one is not ({error}).'
-        ) from None
-
-
 def did_you_mean(word: str, names: list[str]) -> str:
     """' Did you mean …?' with the nearest name, or an empty text when none is near."""
     near = difflib.get_close_matches(word, names, n=1, cutoff=0.5)

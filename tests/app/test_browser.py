@@ -14,7 +14,7 @@ from browsing import downloaded, draw, hold_back, move, number, pixels, seen, sh
 from playwright.sync_api import expect
 
 from dipcg.images import load_image, save_image
-from dipcg.space import params_from_json
+from dipcg.parameter_file import params_from_json
 
 # Gives the candidates of the open result other agreements.
 AGREEING = """async (agreements) => {

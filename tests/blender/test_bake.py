@@ -16,8 +16,8 @@ from dipcg.export.asset import Asset
 from dipcg.generators import load_generator
 from dipcg.images import MARGIN
 from dipcg.materials import FAMILIES, family
+from dipcg.mesh.surface import Maps
 from dipcg.render import Renderer
-from dipcg.surface import Maps
 from dipcg.workers.pool import BuildPool
 from dipcg.workers.rpc import Blender, BlenderError
 

@@ -19,8 +19,8 @@ from dipcg.cli import main
 from dipcg.data import store
 from dipcg.data.store import SPLITS, Local, Progress, Store, build_dataset, in_split
 from dipcg.generators import load_generator
+from dipcg.parameter_file import params_from_json
 from dipcg.registry import allow_code
-from dipcg.space import params_from_json
 from dipcg.workers.pool import BuildPool
 from dipcg.workers.process import BuildError
 

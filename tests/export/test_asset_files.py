@@ -13,8 +13,8 @@ import trimesh
 from dipcg.export.asset import TEXTURED, USD, Asset, ExportError, check_faces, check_target, check_texture
 from dipcg.materials import finishes as plain_finishes
 from dipcg.mesh import Mesh, make_mesh
-from dipcg.space import params_from_json
-from dipcg.surface import corner_normals
+from dipcg.mesh.surface import corner_normals
+from dipcg.parameter_file import params_from_json
 
 # From our axes to Y up with the front towards +Z.
 Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])

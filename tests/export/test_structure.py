@@ -11,13 +11,13 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from dipcg.copies import find_copies
-from dipcg.detail import TOLERANCE, standard
 from dipcg.evaluation.topology import quads_in
 from dipcg.export.asset import USD, Asset
 from dipcg.export.gltf import write_gltf
 from dipcg.generators import load_generator
 from dipcg.mesh import Mesh, Solid, join, make_mesh, pairs, triangulate
+from dipcg.mesh.copies import find_copies
+from dipcg.mesh.detail import TOLERANCE, standard
 
 needs_blender = pytest.mark.skipif(bool(load_generator("chair").missing), reason="Infinigen is not installed")
 

@@ -8,7 +8,8 @@ import trimesh
 
 from dipcg.blender.caps import recapped
 from dipcg.generators import load_generator
-from dipcg.mesh import Mesh, Solid, weld
+from dipcg.mesh import Mesh, Solid
+from dipcg.mesh.simplify import weld
 from dipcg.workers.pool import BuildPool
 
 TABLE = load_generator("table")

@@ -89,7 +89,8 @@ def test_missing_pictures_get_a_sentence(tmp_path):
 @pytest.mark.filterwarnings("error")
 def test_a_picture_just_too_large_gets_one_sentence_and_no_warning():
     with pytest.raises(ImageError, match="at most 64 million"):
-        load_image(huge_png(11_000))  # Pillow warns from 89 million pixels on and refuses from 179 million on
+        # Pillow warns from 89 million pixels on and refuses from 179 million on.
+        load_image(huge_png(11_000))
 
 
 @pytest.mark.parametrize("kind", ["PNG", "JPEG", "WEBP", "GIF", "TIFF", "BMP"])
@@ -99,7 +100,8 @@ def test_damage_anywhere_gives_a_picture_or_a_sentence(kind):
     for _ in range(60):
         damaged = bytearray(data[: rng.integers(1, len(data) + 1)])
         damaged[rng.integers(len(damaged))] ^= 1 << rng.integers(8)
-        with contextlib.suppress(ImageError):  # and nothing else
+        # No other error may leave the reader.
+        with contextlib.suppress(ImageError):
             assert load_image(bytes(damaged)).shape[2] == 4
 
 
@@ -159,7 +161,8 @@ def test_of_an_animation_the_first_frame_is_read():
 
 def test_a_photo_taken_sideways_is_turned_upright():
     exif = Image.Exif()
-    exif[0x0112] = 6  # the camera was turned: rotate clockwise to see it upright
+    # The camera was turned: the picture is upright after a turn clockwise.
+    exif[0x0112] = 6
     data = encoded(WHITE[:100], "RGB", "PNG", exif=exif)
     np.testing.assert_array_equal(load_image(data), np.rot90(WHITE[:100], -1))
 
@@ -214,7 +217,8 @@ def test_the_ground_shows_through_a_hole_in_the_object():
 
 def test_a_photo_is_cut_by_its_colours():
     y, x = np.mgrid[:120, :120]
-    ground = np.stack([60 + x % 50, 140 + (x * y) % 60, 60 + 3 * (y % 40)], axis=-1)  # no two border pixels alike
+    # No two pixels of the border are alike.
+    ground = np.stack([60 + x % 50, 140 + (x * y) % 60, 60 + 3 * (y % 40)], axis=-1)
     cutout = cut_out(on(ground.astype(np.uint8)))
     cut, background = cutout.image, cutout.background
     assert background == "photo"
@@ -243,9 +247,11 @@ def test_photos_are_cropped_as_training_views_are_framed():
     points = np.array([[x, 0, z] for x in (-1, 1) for z in (-0.4, 0.4)], float)
     to_camera = world_to_camera(View(0.0, 0.0, distance=3.0), np.zeros(3), 2.0)
     seen = fit(points, to_camera) @ to_camera @ np.c_[points, np.ones(4)].T
-    columns, rows = (seen[0] / seen[3] + 1) * 100, (1 - seen[1] / seen[3]) * 100  # of a picture of 200²
+    # Positions in a picture of 200 by 200 pixels.
+    columns, rows = (seen[0] / seen[3] + 1) * 100, (1 - seen[1] / seen[3]) * 100
     photo = np.zeros((100, 100, 4), np.uint8)
-    photo[30:54, 20:80] = (*RED, 255)  # five to two, as the mesh
+    # The object is as wide to high as the mesh, five to two.
+    photo[30:54, 20:80] = (*RED, 255)
     ys, xs = np.nonzero(crop_to_object(photo, 200)[..., 3] > 127)
     np.testing.assert_allclose([xs.min(), xs.max() + 1], [columns.min(), columns.max()], atol=1)
     np.testing.assert_allclose([ys.min(), ys.max() + 1], [rows.min(), rows.max()], atol=1)

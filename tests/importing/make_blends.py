@@ -6,7 +6,8 @@ from pathlib import Path
 
 import bpy
 
-KINDS = [  # name, type, lowest, highest, default, subtype
+# Name, type, lowest and highest value, default, subtype.
+KINDS = [
     ("Size", "Float", 1.0, 2.0, 1.5, "DISTANCE"),
     ("Höhe!", "Float", 1.0, 3.0, 2.0, "NONE"),
     ("size", "Float", None, None, 0.5, "NONE"),
@@ -182,4 +183,5 @@ if __name__ == "__main__":
         bpy.ops.wm.read_factory_settings(use_empty=True)
         make()
         bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / f"{make.__name__}.blend"), compress=True)
-    os._exit(0)  # Blender sometimes crashes when it shuts down
+    # Blender sometimes crashes when it shuts down.
+    os._exit(0)

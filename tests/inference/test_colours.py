@@ -9,9 +9,9 @@ from dipcg.camera import View
 from dipcg.images import MARGIN
 from dipcg.inference.colours import photo_colours, with_colours
 from dipcg.materials import check_colours, coloured, finishes, part_colours
+from dipcg.parameter_file import document_from_json
 from dipcg.render import Look, Renderer
-from dipcg.space import document_from_json
-from dipcg.studio import draw
+from dipcg.render.studio import draw
 
 VIEW = View(30.0, 20.0)
 # Body, leg and lid.

@@ -15,8 +15,9 @@ from dipcg.generators import load_generator
 from dipcg.images import MARGIN, save_image
 from dipcg.inference.search import Metropolis, Moves, Objective, RandomSearch, make_searcher, reflect, search
 from dipcg.inference.trace import Trace, marks
+from dipcg.parameter_file import params_from_json
 from dipcg.render import Renderer
-from dipcg.space import Choice, ParameterSpace, Real, params_from_json
+from dipcg.space import Choice, ParameterSpace, Real
 from dipcg.workers.pool import BuildPool
 
 SPACE = ParameterSpace(Real("a", 0, 1), Choice("b", (1, 2, 3)), Real("c", 0, 1))

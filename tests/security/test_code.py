@@ -17,8 +17,8 @@ from dipcg.inference.inverters import Inverters
 from dipcg.metrics import load_metric
 from dipcg.model.checkpoint import load_checkpoint
 from dipcg.model.zoo import CARD, SHIPPED, find_checkpoint
+from dipcg.parameter_file import params_to_json
 from dipcg.registry import CodeError
-from dipcg.space import params_to_json
 
 # It leaves a mark where it runs, and is otherwise the box.
 EVIL = """

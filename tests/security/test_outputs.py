@@ -13,7 +13,7 @@ from dipcg.cli import main
 from dipcg.cli.outputs import check_outputs
 from dipcg.data.store import build_dataset
 from dipcg.images import save_image
-from dipcg.space import params_to_json
+from dipcg.parameter_file import params_to_json
 
 LAMP = Path(__file__).parents[2] / "examples"
 

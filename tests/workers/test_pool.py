@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dipcg.parameter_file import params_from_json
 from dipcg.registry import allow_code
-from dipcg.space import params_from_json
 from dipcg.workers.pool import BuildPool
 from dipcg.workers.process import BuildError, Child
 

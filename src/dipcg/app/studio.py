@@ -14,8 +14,8 @@ from dipcg.generators import Detail, Generator
 from dipcg.inference.inverters import Inverters, recognisable
 from dipcg.mesh import Mesh
 from dipcg.model.zoo import shipped
+from dipcg.parameter_file import params_to_json
 from dipcg.pipeline import Inverter
-from dipcg.space import params_to_json
 from dipcg.workers.process import BuildError
 
 # The most workers of each generator.

@@ -15,7 +15,7 @@ from dipcg.blender.infinigen import silence
 from dipcg.blender.scene import Report, new_object, start_cycles
 from dipcg.materials import srgb
 from dipcg.mesh import Mesh
-from dipcg.surface import Maps, corner_normals
+from dipcg.mesh.surface import Maps, corner_normals
 
 # Samples of a texel, of which only the place within it is random.
 SAMPLES = 4

@@ -25,7 +25,9 @@ from dipcg.blender.sockets import (
     sockets,
     usable,
 )
-from dipcg.mesh import Mesh, compact, make_mesh, pairs, sort_faces
+from dipcg.mesh import Mesh, make_mesh, pairs
+from dipcg.mesh.order import sort_faces
+from dipcg.mesh.simplify import compact
 from dipcg.space import Value, did_you_mean
 
 CASTS = {"real": float, "integer": round, "boolean": bool, "vector": float}

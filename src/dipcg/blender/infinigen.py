@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from dipcg.mesh import Solid, pairs, sort_triangles, triangulate
+from dipcg.mesh import Solid, pairs, triangulate
+from dipcg.mesh.order import sort_triangles
 
 
 @contextlib.contextmanager

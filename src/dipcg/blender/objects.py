@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dipcg.mesh import Mesh, MeshError, make_mesh, sort_faces, triangulate
+from dipcg.mesh import Mesh, MeshError, make_mesh, triangulate
+from dipcg.mesh.order import sort_faces
 
 
 def clean() -> None:

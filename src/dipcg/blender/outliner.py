@@ -15,7 +15,7 @@ from dipcg.blender.materials import materials
 from dipcg.blender.scene import PARAMETERS, Report, empty_file, save
 from dipcg.materials import linear
 from dipcg.mesh import Mesh
-from dipcg.pieces import Piece, pieces, polygons
+from dipcg.mesh.pieces import Piece, pieces, polygons
 
 
 def write_blend(_: Report, mesh: Mesh, generator: str, name: str, seed: int, params: str, target: str) -> None:

@@ -14,7 +14,7 @@ from dipcg.blender.infinigen import silence
 from dipcg.blender.materials import materials
 from dipcg.camera import View, fit, world_to_camera
 from dipcg.mesh import Mesh, make_mesh
-from dipcg.surface import corner_normals
+from dipcg.mesh.surface import corner_normals
 
 Report = Callable[[float, str], None]
 # The custom property of an object that holds the parameters of an asset.

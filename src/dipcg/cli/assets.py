@@ -131,7 +131,7 @@ def edit(
     """
     from dipcg.generators import load_generator
     from dipcg.materials import check_colours
-    from dipcg.space import document_from_json
+    from dipcg.parameter_file import document_from_json
 
     document = document_from_json(_read(file))
     name, colours = document["generator"], check_colours(document.get("colours", {}))

@@ -153,7 +153,7 @@ def _write(output: Path, image: Path, trace: Trace, objective: Objective, best: 
     from dipcg.files import write_file
     from dipcg.images import over_white, prepare, save_image
     from dipcg.inference.trace import labelled, marks, plot_traces
-    from dipcg.space import params_to_json
+    from dipcg.parameter_file import params_to_json
 
     tiles = [labelled(over_white(prepare(image, SIDE)[0]), "picture")]
     for mark in marks(len(best)):

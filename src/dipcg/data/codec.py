@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from dipcg.mesh import Mesh, compact
+from dipcg.mesh import Mesh
+from dipcg.mesh.simplify import compact
 
 # Bits of a coordinate.
 BITS = 12

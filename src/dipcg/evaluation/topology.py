@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dipcg.mesh import Mesh, weld
+from dipcg.mesh import Mesh
+from dipcg.mesh.simplify import weld
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,11 @@ from tempfile import TemporaryDirectory
 from dipcg.export.scene import Scene, compose, on_floor
 from dipcg.files import write_file, written
 from dipcg.materials import Colour, Finish, coloured
-from dipcg.mesh import Mesh, simplify
-from dipcg.space import Params, params_to_json
-from dipcg.surface import Maps
+from dipcg.mesh import Mesh
+from dipcg.mesh.simplify import simplify
+from dipcg.mesh.surface import Maps
+from dipcg.parameter_file import params_to_json
+from dipcg.space import Params
 
 GLTF, USD, BLEND = (".glb", ".gltf"), (".usdz", ".usd", ".usda", ".usdc"), ".blend"
 FBX = ".fbx"
@@ -140,13 +142,16 @@ def _write(asset: Asset, path: Path) -> None:
 
         write_usd(asset.scene(copies=True), path)
     elif suffix == BLEND:
-        from dipcg.export.blend import write_blend
+        from dipcg.export.blend import write_blend, write_live
 
-        write_blend(asset, path)
+        if asset.generator.endswith(".toml"):
+            write_live(asset.generator, asset.params, path)
+        else:
+            write_blend(on_floor(asset.mesh), asset.generator, asset.document, asset.material_seed, path)
     elif suffix == FBX:
         from dipcg.export.blend import write_fbx
 
-        write_fbx(asset, path)
+        write_fbx(on_floor(asset.mesh), asset.name, asset.materials, path)
     elif suffix == ".obj":
         from dipcg.export.obj import write_obj
 

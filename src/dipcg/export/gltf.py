@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from dipcg.copies import Places
 from dipcg.export.scene import Scene, places_y_up, y_up
 from dipcg.materials import Finish, linear
-from dipcg.pieces import Piece, split
-from dipcg.surface import Maps
+from dipcg.mesh.copies import Places
+from dipcg.mesh.pieces import Piece, split
+from dipcg.mesh.surface import Maps
 
 # Numbers of the specification: the component types of 32-bit reals and unsigned 32-bit integers, the targets of buffer
 # views, and the filters of a sampler.

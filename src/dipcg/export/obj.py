@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 
 from dipcg.export.scene import Scene, y_up
 from dipcg.materials import Finish
-from dipcg.pieces import Piece, polygons
+from dipcg.mesh.pieces import Piece, polygons
 
 
 def write_obj(scene: Scene, path: Path) -> None:

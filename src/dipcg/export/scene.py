@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from dipcg.copies import Places
 from dipcg.materials import Finish
 from dipcg.mesh import Mesh
-from dipcg.pieces import Piece, pieces
-from dipcg.surface import Maps
+from dipcg.mesh.copies import Places
+from dipcg.mesh.pieces import Piece, pieces
+from dipcg.mesh.surface import Maps
 
 
 @dataclass(frozen=True)

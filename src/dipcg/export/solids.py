@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dipcg.mesh import Mesh, chosen, compact
-from dipcg.pieces import polygons
+from dipcg.mesh import Mesh, chosen
+from dipcg.mesh.pieces import polygons
+from dipcg.mesh.simplify import compact
 
 # Vertices that are equal when rounded to so many digits after the point, in metres, are one.
 DIGITS = 7

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from dipcg.export.asset import Asset
-from dipcg.mesh import drop_degenerate
-from dipcg.surface import Maps
+from dipcg.mesh.simplify import drop_degenerate
+from dipcg.mesh.surface import Maps
 from dipcg.workers.process import Progress
 from dipcg.workers.rpc import Blender, BlenderError
 

@@ -14,8 +14,8 @@ import numpy as np
 from dipcg.export.gltf import png
 from dipcg.export.scene import Scene, places_y_up, y_up
 from dipcg.materials import Finish, linear
-from dipcg.pieces import Piece, polygons
-from dipcg.surface import Maps
+from dipcg.mesh.pieces import Piece, polygons
+from dipcg.mesh.surface import Maps
 
 # pyright: reportAttributeAccessIssue=false
 # USD's modules are compiled and have no types.
@@ -91,7 +91,7 @@ def _identifier(name: str) -> str:
 
 def _named(scene: Scene) -> list[tuple[Piece, str]]:
     """The pieces with names that are valid in USD."""
-    from dipcg.pieces import unique_names
+    from dipcg.mesh.pieces import unique_names
 
     names = ["materials", *(_identifier(piece.name) for piece in scene.pieces)]
     return list(zip(scene.pieces, unique_names(tuple(names))[1:], strict=True))

@@ -38,9 +38,10 @@ from jaxtyping import Float, Int64
 from dipcg import registry
 from dipcg.blender.declaration import read_declaration
 from dipcg.camera import ViewGrid, ViewRange
-from dipcg.detail import standard
 from dipcg.labels import labelled
-from dipcg.mesh import Mesh, make_mesh, simplify
+from dipcg.mesh import Mesh, make_mesh
+from dipcg.mesh.detail import standard
+from dipcg.mesh.simplify import simplify
 from dipcg.openscad.declaration import read_scad
 from dipcg.space import ParameterSpace, Params
 from dipcg.tracing.declaration import read_program

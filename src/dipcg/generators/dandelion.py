@@ -42,7 +42,8 @@ from dipcg.blender.infinigen import (
     silence,
 )
 from dipcg.camera import ViewRange
-from dipcg.mesh import Mesh, Solid, join, numbered, simplify
+from dipcg.mesh import Mesh, Solid, join, numbered
+from dipcg.mesh.simplify import simplify
 from dipcg.space import Choice, ParameterSpace, Params, Real
 
 _SPARSE = {"flower_mode": ("sparse_flower",)}

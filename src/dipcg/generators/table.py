@@ -42,7 +42,8 @@ from dipcg.blender.infinigen import (
     silence,
 )
 from dipcg.camera import ViewRange
-from dipcg.mesh import Mesh, Solid, join, simplify
+from dipcg.mesh import Mesh, Solid, join
+from dipcg.mesh.simplify import simplify
 from dipcg.space import Choice, ParameterSpace, Params, Real
 
 _STANDS = {"leg_style": ("single-stand",)}

@@ -12,7 +12,8 @@ from dipcg.importing.effects import contexts, find_conditions, observe, random_p
 from dipcg.importing.limits import NUMBERS
 from dipcg.importing.proposal import NUMBERED
 from dipcg.importing.trials import Trials, Tried
-from dipcg.mesh import Mesh, differs
+from dipcg.mesh import Mesh
+from dipcg.mesh.order import differs
 from dipcg.space import ParameterSpace, Params
 
 # How often an end of a range is moved halfway to the value before only the value is left.

@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import KDTree
 
-from dipcg.mesh import Mesh, differs
+from dipcg.mesh import Mesh
+from dipcg.mesh.order import differs
 
 # A difference of less than this share of the longest side is rounding.
 TOLERANCE = 1e-5

@@ -9,13 +9,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
-from dipcg import studio
 from dipcg.camera import View
 from dipcg.export.asset import Asset
 from dipcg.images import MARGIN, over_white, prepare, save_image
 from dipcg.mesh import Mesh
 from dipcg.pipeline import Estimate
-from dipcg.render import Renderer
+from dipcg.render import Renderer, studio
 
 Tile = UInt8[np.ndarray, "s s 3"]
 SIDE = 384

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from dipcg.blender.declaration import check_keys, digest, parameter_of, write_declaration
-from dipcg.mesh import Mesh, make_mesh, sort_faces, triangulate
+from dipcg.mesh import Mesh, make_mesh, triangulate
+from dipcg.mesh.order import sort_faces
 from dipcg.space import ParameterSpace, Params, Value
 
 TOP = ("doc", "scad", "sha256", "mirrors", "parameters")

@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from dipcg.mesh import Mesh, join, make_mesh, sort_faces
+from dipcg.mesh import Mesh, join, make_mesh
+from dipcg.mesh.order import sort_faces
 from dipcg.tracing.draws import Choose, Draw, ProgramError, Recorder, install
 
 SEED_NAMES = ("seed", "factory_seed", "random_seed", "random_state", "rng", "generator", "random")

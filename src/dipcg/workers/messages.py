@@ -22,7 +22,7 @@ import numpy as np
 
 from dipcg.camera import View
 from dipcg.mesh import Mesh, MeshError, make_mesh
-from dipcg.surface import Maps, make_maps
+from dipcg.mesh.surface import Maps, make_maps
 
 _LENGTH = struct.Struct("<Q")
 # The longest message. The maps of the largest size take half of it.

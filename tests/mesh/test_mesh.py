@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from dipcg.mesh import Mesh, compact, join, make_mesh, simplify, triangulate
+from dipcg.mesh import Mesh, join, make_mesh, triangulate
+from dipcg.mesh.simplify import compact, simplify
 
 CORNERS = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
 TWO = [[0, 1, 2], [0, 2, 3]]
@@ -114,7 +115,8 @@ def test_compacting_drops_unused_vertices_and_keeps_the_surface():
 
 
 def test_simplified_surfaces_stay_within_the_error():
-    vertices, faces = ball(5)  # 20,480 faces
+    # This ball has 20,480 faces.
+    vertices, faces = ball(5)
     coarse = simplify(make_mesh(vertices, faces), faces=2000, error=0.004)
     assert len(coarse.faces) <= 2100
     points, _ = trimesh.sample.sample_surface(as_trimesh(coarse), 5000, seed=0)

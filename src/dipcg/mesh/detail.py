@@ -11,9 +11,10 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float32
 
-from dipcg.copies import Copies, find_copies, without_copies
-from dipcg.mesh import Mesh, Solid, chosen, compact, join, simplify_parts, weld
-from dipcg.surface import corner_normals, vertex_normals
+from dipcg.mesh import Mesh, Solid, chosen, join
+from dipcg.mesh.copies import Copies, find_copies, without_copies
+from dipcg.mesh.simplify import compact, simplify_parts, weld
+from dipcg.mesh.surface import corner_normals, vertex_normals
 
 # How far the simplifier may move the surface, as a share of the longest side: its own mean error by quadrics.
 TOLERANCE = 0.0003

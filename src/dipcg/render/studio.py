@@ -1,7 +1,7 @@
 """Pictures of assets for people: materials, soft shadows and light from all around, by OpenGL through EGL.
 
 Light comes from directions all over the sky and from a lamp, each with its own shadow map, and is added up. That gives
-soft shadows, dark corners, and a shadow on the floor. Training pictures are drawn by `render.py`, which is far faster.
+soft shadows, dark corners, and a shadow on the floor. Training pictures are drawn by `renderer.py`, which is faster.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from jaxtyping import Float, Float32, UInt8
 from dipcg.camera import View, fit, world_to_camera
 from dipcg.materials import Finish, linear, srgb
 from dipcg.mesh import Mesh
-from dipcg.pieces import pieces, split
+from dipcg.mesh.pieces import pieces, split
 from dipcg.render import open_context
 
 # Directions of the sky and of the lamp, and the lamp's share of the light on what faces it.

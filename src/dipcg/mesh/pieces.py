@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Float32, Int, Int32
 
-from dipcg.copies import Places, find_copies, without_copies
-from dipcg.mesh import Mesh, chosen, drop_degenerate
-from dipcg.surface import Maps, corner_normals, crosses, same_rows
+from dipcg.mesh import Mesh, chosen
+from dipcg.mesh.copies import Places, find_copies, without_copies
+from dipcg.mesh.simplify import drop_degenerate
+from dipcg.mesh.surface import Maps, corner_normals, crosses, same_rows
 
 
 @dataclass(frozen=True)
