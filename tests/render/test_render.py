@@ -76,9 +76,8 @@ def test_the_silhouette_of_a_box_is_the_hull_of_its_projected_corners(renderer, 
     mesh = join([block()])
     hull = ConvexHull(pixels(mesh.vertices, mesh, view))
     centres = np.stack(np.meshgrid(np.arange(SIZE), np.arange(SIZE)), -1) + 0.5
-    outside = (centres @ hull.equations[:, :2].T + hull.equations[:, 2]).max(
-        -1
-        )
+    # The distances from the hull in pixels, negative inside.
+    outside = (centres @ hull.equations[:, :2].T + hull.equations[:, 2]).max(-1)
     alpha = renderer.render(mesh, view)[..., 3]
     assert (alpha[outside < -1] == 255).all()
     assert (alpha[outside > 1] == 0).all()
