@@ -6,6 +6,9 @@ TESTS = Path(__file__).parent
 # Markers of files, and of tests whose names begin so. `make fast` leaves all of them out.
 MARKED = {
     "slow": {
+        "app/test_api.py::test_words_become",
+        "cli/test_assets.py::test_a_folder_is_worked_through",
+        "cli/test_batch.py::test_a_name_that_is_no_utf8",
         "data/test_cluster.py",
         "evaluation/test_evaluate.py",
         "importing/test_openscad.py::test_an_openscad_file_goes",
@@ -14,8 +17,10 @@ MARKED = {
         "security/test_builds.py",
         "security/test_pictures.py",
         "security/test_traces.py",
+        "test_benchmarks.py::test_a_finished_training",
         "test_end_to_end.py",
         "test_extending.py",
+        "training/test_captions.py::test_a_classifier_fitted_on_captions",
         "training/test_distributed.py",
         "training/test_recipes.py",
         "training/test_snapshots.py",
