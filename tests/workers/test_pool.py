@@ -13,6 +13,7 @@ import pytest
 
 from dipcg.parameter_file import params_from_json
 from dipcg.registry import allow_code
+from dipcg.workers import memory
 from dipcg.workers.pool import BuildPool
 from dipcg.workers.process import BuildError, Child
 
@@ -65,6 +66,9 @@ def build(params):
         pid = subprocess.run(["setsid", "sh", "-c", sleep], stdout=subprocess.PIPE, text=True).stdout
         return [triangle[0] + [[0, 0, 0], [0, 0, 0], [0, 0, int(pid) - os.getpid()]], triangle[1]]
     if mode == "slow": time.sleep(0.3)
+    if mode == "memory":
+        held = []
+        while True: held.append(np.ones(10_000_000)); time.sleep(0.02)
     if mode == "litter": tempfile.mkdtemp()
     if mode == "noise":
         print("x" * 100_000, flush=True)
@@ -74,7 +78,7 @@ def build(params):
     return triangle
 '''
 MODES = ("good", "raise", "nan", "empty", "index", "nothing", "hang", "exit", "quit", "kill", "crash", "close", "slow")
-MODES += ("noise", "novel", "litter", "half", "pickle", "progress", "child", "daemon")
+MODES += ("noise", "novel", "litter", "half", "pickle", "progress", "child", "daemon", "memory")
 
 
 def write_generator(folder: Path, recycle_after: int = 1000, extra: str = "") -> str:
@@ -169,6 +173,25 @@ def test_a_stopped_process_is_gone(pool):
     with pytest.raises(BuildError):
         pool.build(params("hang"))
     assert not is_alive(before)
+
+
+def test_a_build_that_takes_too_much_memory_is_stopped_and_the_next_one_works(tmp_path, monkeypatch):
+    monkeypatch.setattr(memory, "MOST_BYTES", 3 * 2**29)
+    with BuildPool(write_generator(tmp_path)) as pool:
+        with pytest.raises(BuildError, match=r"needed more than 1\.5 GB of memory and was stopped\.") as error:
+            pool.build(params("memory"))
+        assert error.value.reason == "memory"
+        assert pool.build(params()).vertices[2, 1] == 1.5
+
+
+def test_the_memory_of_what_a_process_has_started_counts(tmp_path):
+    program = "import sys; held = bytearray(b'x') * 300_000_000; print(flush=True); sys.stdin.read()"
+    starts = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {program!r}])"
+    with subprocess.Popen([sys.executable, "-c", starts], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        assert 3e8 < memory.used_bytes(process.pid) < 6e8
+    assert memory.used_bytes(process.pid) == 0
 
 
 def test_what_python_prints_reaches_the_terminal_and_neither_stdout_nor_the_pipe(tmp_path, capfd):

@@ -37,7 +37,7 @@ class Studio:
         self.inverters = Inverters(names, count)
         self.text_inverters = Inverters(self.names, reads="text")
         # What was asked for in a build that took too long, with the error. It is not built again.
-        self._too_slow: dict[str, BuildError] = {}
+        self._too_costly: dict[str, BuildError] = {}
         self._lock = threading.Lock()
         for inverter in self.inverters.values():
             inverter.pool.timeout_s = BUILD_S
@@ -69,7 +69,7 @@ class Studio:
         inverter = self.find(name)
         checked = inverter.generator.space.validate(params)
         key = detail + params_to_json(checked, inverter.generator.ref)
-        if known := self._too_slow.get(key):
+        if known := self._too_costly.get(key):
             failed: Future[Mesh] = Future()
             failed.set_exception(known)
             return failed
@@ -90,9 +90,9 @@ class Studio:
 
     def _remember(self, key: str, build: Future[Mesh]) -> None:
         error = None if build.cancelled() else build.exception()
-        if not isinstance(error, BuildError) or error.reason != "timeout":
+        if not isinstance(error, BuildError) or error.reason not in ("timeout", "memory"):
             return
         with self._lock:
-            self._too_slow[key] = error
-            if len(self._too_slow) > MOST_REMEMBERED:
-                del self._too_slow[next(iter(self._too_slow))]
+            self._too_costly[key] = error
+            if len(self._too_costly) > MOST_REMEMBERED:
+                del self._too_costly[next(iter(self._too_costly))]

@@ -19,6 +19,7 @@ WORDS = {
     "raised": "no mesh comes out",
     "unusable": "no mesh comes out",
     "timeout": f"a build takes over {BUILD_S:g} s",
+    "memory": "a build takes too much memory",
     "crashed": "the program that builds stops",
 }
 

@@ -61,6 +61,15 @@ class Channel:
             raise MessageError(f"A message has at most {MAX_BYTES} bytes, got {length}.")
         return unpack(self._read(length, deadline))
 
+    def wait(self, seconds: float) -> bool:
+        """Whether the other end sent something, or was closed, within so many seconds; raises OSError."""
+        self._socket.settimeout(seconds)
+        try:
+            self._socket.recv(1, socket.MSG_PEEK)
+        except TimeoutError:
+            return False
+        return True
+
     def close(self) -> None:
         self._socket.close()
 

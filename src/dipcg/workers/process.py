@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
@@ -18,16 +19,19 @@ import psutil
 from dipcg.blender.temporary import temporary_folder
 from dipcg.mesh import MeshError
 from dipcg.space import Params
+from dipcg.workers.memory import allowed_bytes, used_bytes
 from dipcg.workers.messages import Channel, MessageError
 
 START_TIMEOUT_S = 120.0
+# How often the memory of a working process is looked at, in seconds.
+CHECK_S = 0.5
 # The file descriptor of the standard error of this process.
 STDERR = 2
 FOREIGN = Path(__file__).with_name("foreign.py")
 NO_MESSAGE = "The worker process sent something else than a result and was stopped."
 
 # raised: the generator raised an error; unusable: its mesh cannot be used; start: the process did not start.
-Reason = Literal["raised", "unusable", "timeout", "crashed", "start"]
+Reason = Literal["raised", "unusable", "timeout", "memory", "crashed", "start"]
 # Called with the share of the work that is done, and with a note that says what is done next.
 Progress = Callable[[float, str], None]
 
@@ -124,8 +128,11 @@ class Child:
                     raise BuildError("crashed", NO_MESSAGE)
 
     def _next_message(self, timeout_s: float, late: Literal["start", "timeout"]) -> Any:
+        deadline = time.monotonic() + timeout_s
         try:
-            return self._channel.receive(timeout_s)
+            while not self._channel.wait(min(CHECK_S, timeout_s)) and time.monotonic() < deadline:
+                self._check_memory()
+            return self._channel.receive(max(deadline - time.monotonic(), 1e-3))
         except TimeoutError:
             what = "worker did not start within" if late == "start" else "build took longer than"
             raise BuildError(late, f"The {what} {timeout_s:g} s and was stopped.") from None
@@ -135,6 +142,12 @@ class Child:
             raise BuildError("crashed", NO_MESSAGE) from None
         except (EOFError, OSError):
             raise BuildError("crashed", f"The worker process died (exit code {self._exit_code()}).") from None
+
+    def _check_memory(self) -> None:
+        """Raise BuildError when the process takes more memory than it may; the caller then replaces it."""
+        if used_bytes(self._process.pid) > allowed_bytes():
+            most = f"{allowed_bytes() / 2**30:.3g} GB"
+            raise BuildError("memory", f"The build needed more than {most} of memory and was stopped.")
 
     def _exit_code(self) -> int:
         try:
