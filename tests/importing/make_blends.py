@@ -115,6 +115,39 @@ def curve() -> None:
     add("Ring", tree)
 
 
+def mixed() -> None:
+    """A cube, and beside it a curve and a point, which Blender draws without faces."""
+    tree = box(tree_of(KINDS[:1]), {"Transform.Scale": "Size"})
+    move = next(node for node in tree.nodes if node.type == "TRANSFORM_GEOMETRY")
+    join = tree.nodes.new("GeometryNodeJoinGeometry")
+    for kind in ("MeshCube", "CurvePrimitiveCircle", "Points"):
+        tree.links.new(tree.nodes.new(f"GeometryNode{kind}").outputs[0], join.inputs[0])
+    tree.links.new(join.outputs[0], move.inputs[0])
+    add("Mixed", tree)
+
+
+def bevelled() -> None:
+    """A curve object with a round profile of its own."""
+    bpy.ops.curve.primitive_bezier_circle_add()
+    tree = tree_of(KINDS[:1])
+    curve = tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+    # Blender hands the curve to the first input alone.
+    tree.interface.move(curve, 0)
+    move, given = tree.nodes.new("GeometryNodeTransform"), tree.nodes.new("NodeGroupInput")
+    tree.links.new(given.outputs["Geometry"], move.inputs[0])
+    tree.links.new(given.outputs["Size"], move.inputs["Scale"])
+    tree.links.new(move.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+    bpy.context.object.data.bevel_depth = 0.1
+    bpy.context.object.modifiers.new("nodes", "NODES").node_group = tree
+
+
+def unlinked() -> None:
+    """A curve object whose nodes give nothing at all."""
+    bevelled()
+    tree = bpy.context.object.modifiers[0].node_group
+    tree.links.remove(next(link for link in tree.links if link.to_node.type == "GROUP_OUTPUT"))
+
+
 def no_inputs() -> None:
     add("Box", box(tree_of(KINDS[-2:]), {}))
 
@@ -179,7 +212,8 @@ def trap() -> None:
 if __name__ == "__main__":
     FOLDER = Path(sys.argv[1]).resolve()
     bpy.context.preferences.filepaths.save_version = 0
-    for make in (kinds, two, plain, unseen, instances, curve, no_inputs, linked, trap, picture_packed, picture_beside):
+    usual = (kinds, two, plain, unseen, instances, curve, mixed, bevelled, unlinked, no_inputs, linked)
+    for make in (*usual, trap, picture_packed, picture_beside):
         bpy.ops.wm.read_factory_settings(use_empty=True)
         make()
         bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / f"{make.__name__}.blend"), compress=True)

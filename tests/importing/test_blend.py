@@ -107,6 +107,21 @@ def test_instances_become_faces_and_the_object_names_what_has_no_material(blends
     assert (small.side, large.side) == (pytest.approx(5), pytest.approx(6))
 
 
+def test_what_blender_draws_without_faces_is_named_and_left_out(blends):
+    made = import_blend(blends / "mixed.blend")
+    assert made.notes == [
+        "'Mixed' also has curves (Curve to Mesh) and points (Instance on Points), left out until the node in brackets "
+        "gives them faces."
+    ]
+    (mesh,) = built(made.path, {"size": 1.5})
+    assert len(mesh.faces) == 12
+
+
+def test_a_curve_with_a_bevel_is_a_surface(blends):
+    small, large = built(import_blend(blends / "bevelled.blend").path, {"size": 1.0}, {"size": 2.0})
+    assert (small.side, large.side) == (pytest.approx(2.2, abs=0.01), pytest.approx(4.4, abs=0.02))
+
+
 def test_what_is_hidden_in_the_file_is_built_where_it_stands(blends):
     (mesh,) = built(import_blend(blends / "unseen.blend").path, {"size": 1.0})
     np.testing.assert_allclose(mesh.bounds, [[-0.5, -1, 4.5], [0.5, 1, 5.5]], atol=1e-6)
@@ -174,6 +189,7 @@ def test_a_wrong_range_is_named(capsys, blends, given, expected):
         ("two.blend", ["--object", "Empty"], "The object 'Empty'"),
         ("plain.blend", [], "has a Geometry Nodes modifier"),
         ("curve.blend", [], "'Ring' has no faces"),
+        ("unlinked.blend", [], "has no faces. Curves and points alone are no surface: give them some"),
         ("no_inputs.blend", [], "no input of 'Box' can be a parameter (Note: string inputs are not parameters"),
         ("picture_beside.blend", [], "height.png. In Blender, make it local"),
         ("linked.blend", [], "needs the geometry node tree 'tree' of //kinds.blend"),

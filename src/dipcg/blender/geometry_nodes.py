@@ -35,6 +35,13 @@ ANGLES = ("ANGLE", "EULER")
 UNITS = {"DISTANCE": "m", "TRANSLATION": "m", "PERCENTAGE": "%", "FACTOR": "share", "TIME": "s", "TIME_ABSOLUTE": "s"}
 UNITS |= dict.fromkeys(ANGLES, "°")
 COMPONENTS = "xyz"
+# What a node graph can make that has no faces, by Blender's type, and the node that gives it faces.
+WITHOUT_FACES = {
+    "CURVE": "curves (Curve to Mesh)",
+    "CURVES": "curves (Curve to Mesh)",
+    "POINTCLOUD": "points (Instance on Points)",
+    "VOLUME": "volumes (Volume to Mesh)",
+}
 
 
 @dataclass(frozen=True)
@@ -73,7 +80,7 @@ def describe(_: object, path: str, name: str, modifier: str, saved_by: Sequence[
         "side": mesh.side,
         "inputs": [_input(inputs, socket) for socket in free],
         "skipped": {socket.name: _why_not(inputs, socket) for socket in sockets(inputs.tree) if socket not in free},
-        "notes": list(_notes(obj, path, version)),
+        "notes": [*_without_faces(graph), *_notes(obj, path, version)],
     }
 
 
@@ -175,6 +182,16 @@ def _others(inputs: Inputs, socket: Socket) -> dict[str, Any]:
     return {name: _plain(socket, one.read(socket)) for name, one in same.items()} if socket.kind != "menu" else {}
 
 
+def _without_faces(graph: Graph) -> Iterator[str]:
+    """A note about what the object shows beside its faces; Blender lists it as instances of the object."""
+    made = graph.layer.depsgraph.object_instances
+    kinds = {one.object.type for one in made if one.is_instance and one.parent.name == graph.obj.name}
+    found = sorted({WITHOUT_FACES[kind] for kind in kinds & WITHOUT_FACES.keys()})
+    if found:
+        listed = " and ".join(found)
+        yield f"{graph.obj.name!r} also has {listed}, left out until the node in brackets gives them faces."
+
+
 def _notes(obj: Any, path: str, saved_by: Version) -> Iterator[str]:
     import bpy
 
@@ -210,14 +227,18 @@ def _set(inputs: Inputs, socket: Socket, component: str, value: Value) -> None:
 
 
 def _read(mesh: Any, matrix: np.ndarray, name: str) -> Mesh:
+    """The surface of a Blender mesh in world axes; Blender gives None for a curve object that shows nothing."""
+    if mesh is None or not mesh.polygons:
+        raise ValueError(
+            f"The object {name!r} has no faces. Curves and points alone are no surface: give them some in its "
+            "nodes, with Curve to Mesh or Instance on Points."
+        )
     mesh.calc_loop_triangles()
     vertices, faces = np.empty(3 * len(mesh.vertices), np.float32), np.empty(3 * len(mesh.loop_triangles), np.int32)
     slots, polygon = np.empty((2, len(mesh.loop_triangles)), np.int32)
     mesh.vertices.foreach_get("co", vertices)
     mesh.loop_triangles.foreach_get("vertices", faces)
     mesh.loop_triangles.foreach_get("material_index", slots)
-    if not len(faces):
-        raise ValueError(f"The object {name!r} has no faces; curves and points alone are no surface.")
     mesh.loop_triangles.foreach_get("polygon_index", polygon)
     parts, part_of = _parts(mesh, slots, name)
     triangles = faces.reshape(-1, 3)[:, :: -1 if np.linalg.det(matrix[:3, :3]) < 0 else 1]
