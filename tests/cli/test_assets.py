@@ -67,6 +67,20 @@ def test_what_cannot_be_written_so_is_refused(capsys, tmp_path, words, expected)
     assert not Path("a.stl").exists()
 
 
+def test_levels_of_detail_and_hulls_are_written_and_nothing_is_lost_for_them(capsys, tmp_path):
+    ball = write_ball(tmp_path)
+    assert run("sample", ball, "-o", "a.glb", "--lods", 2, "--collision", "unreal") == 0
+    scenes = [trimesh.load(name).geometry for name in ("a.glb", "a_LOD1.glb", "a_LOD2.glb")]
+    assert [sorted(scene) for scene in scenes] == [["UCX_body_01", "body"], ["body"], ["body"]]
+    counts = [len(scene["body"].faces) for scene in scenes]
+    assert counts[0] >= counts[1] > counts[2]
+    assert run("sample", ball, "-o", "b.stl", "--collision", "unreal") == 1
+    assert "Game engines read hulls from .glb" in capsys.readouterr().err
+    Path("c_LOD1.glb").write_text('{"generator": "ball.py", "params": {"r": 1.0}}')
+    assert run("edit", "c_LOD1.glb", "-o", "c.glb", "--lods", 1) == 1
+    assert "c_LOD1.glb would be overwritten" in capsys.readouterr().err
+
+
 def test_a_failed_build_is_printed_with_what_edit_needs_to_repeat_it(capsys, tmp_path):
     text = write_ball(tmp_path).read_text().replace("return trimesh", "raise ValueError('too round') or trimesh")
     Path("ball.py").write_text(text)

@@ -1,14 +1,13 @@
 """Written assets, read back: axes, units, parts, surface; and what cannot be written is refused early."""
 
-import json
 import os
-import struct
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from garden import glb_json
 
 from dipcg.export.asset import TEXTURED, USD, Asset, ExportError, check_faces, check_target, check_texture
 from dipcg.materials import finishes as plain_finishes
@@ -33,14 +32,6 @@ def standing(mesh: Mesh) -> Mesh:
     """The mesh on the floor with its middle over the origin."""
     low, high = mesh.vertices.min(0), mesh.vertices.max(0)
     return replace(mesh, vertices=mesh.vertices - [*(low + high)[:2] / 2, low[2]])
-
-
-def glb_json(path: Path) -> dict:
-    """The JSON chunk of a binary glTF file, by the specification alone."""
-    data = path.read_bytes()
-    magic, version, length, size, kind = struct.unpack_from("<4sIII4s", data)
-    assert (magic, version, length, kind) == (b"glTF", 2, len(data), b"JSON")
-    return json.loads(data[20 : 20 + size])
 
 
 @pytest.mark.parametrize("name", ["a.glb", "a.gltf", "A.GLB"])

@@ -1,7 +1,6 @@
 """Quads and copies in files, and standard detail: what independent readers find."""
 
 import json
-import struct
 import subprocess
 import sys
 from dataclasses import replace
@@ -9,43 +8,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from scipy.spatial.transform import Rotation
+from garden import COPIES, CUBE, cube, garden, glb_json
 
 from dipcg.evaluation.topology import quads_in
 from dipcg.export.asset import USD, Asset
-from dipcg.export.gltf import write_gltf
 from dipcg.generators import load_generator
-from dipcg.mesh import Mesh, Solid, join, make_mesh, pairs, triangulate
+from dipcg.mesh import make_mesh
 from dipcg.mesh.copies import find_copies
 from dipcg.mesh.detail import TOLERANCE, standard
 
 needs_blender = pytest.mark.skipif(bool(load_generator("chair").missing), reason="Infinigen is not installed")
 
-CUBE = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], np.float32)
-SIDES = np.array([[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]])
-COPIES = 12
-
-
-def cube() -> Mesh:
-    """A cube of six quads."""
-    faces, polygon = triangulate(np.full(6, 4), SIDES.ravel())
-    return make_mesh(CUBE, faces, quads=pairs(polygon.astype(np.int32)))
-
 
 @pytest.fixture
 def sown() -> Asset:
-    """A block with seeds on it, each turned, scaled along its axes, and moved."""
-    rng, seed = np.random.default_rng(0), trimesh.creation.icosphere(subdivisions=3)
-    shape = seed.vertices * [0.01, 0.02, 0.05]
-    turns, scales = Rotation.random(COPIES, random_state=0).as_matrix(), rng.uniform(0.5, 1.5, COPIES)
-    places = rng.uniform(0, 1, (COPIES, 3))
-    seeds = [Solid("seed", (s * shape) @ r.T + t, seed.faces) for s, r, t in zip(scales, turns, places, strict=True)]
-    return Asset(join([Solid("block", CUBE, cube().faces), *seeds]), "garden", {})
-
-
-def glb_json(path) -> dict:
-    data = path.read_bytes()
-    return json.loads(data[20 : 20 + struct.unpack_from("<I", data, 12)[0]])
+    return garden()
 
 
 # Quads
@@ -112,8 +89,7 @@ def test_a_glb_has_a_mesh_once_and_a_node_for_each_copy(sown, tmp_path):
 
 
 def test_copies_can_be_one_node_for_the_graphics_card(sown, tmp_path):
-    write_gltf(sown.scene(copies=True), tmp_path / "a.glb", gpu_instancing=True)
-    document = glb_json(tmp_path / "a.glb")
+    document = glb_json(sown.export(tmp_path / "a.glb", gpu_instancing=True))
     assert document["extensionsUsed"] == ["EXT_mesh_gpu_instancing"]
     (node,) = [node for node in document["nodes"] if "extensions" in node]
     attributes = node["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]

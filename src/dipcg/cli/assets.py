@@ -49,6 +49,12 @@ class Written:
     """colours without maps: of the photo, or of materials where there is none; of materials; one for each part"""
     material_seed: int = 0
     """random seed of the materials in maps and in .blend files"""
+    lods: Annotated[int, arg(metavar="COUNT")] = 0
+    """also write so many coarser levels of detail, from 1 to 3: NAME_LOD1, NAME_LOD2, ..."""
+    collision: Literal["unreal", "godot"] | None = None
+    """add a convex hull around each solid, named for this game engine, to glTF, OBJ or FBX"""
+    gpu_instancing: bool = False
+    """hold copies, such as seeds, in one node of glTF by EXT_mesh_gpu_instancing, which not every viewer knows"""
     json: bool = False
     """print the result as JSON"""
 
@@ -57,11 +63,17 @@ class Written:
         """The detail to build; a mesh that is simplified to a number of triangles is built in full first."""
         return "light" if self.light else "full" if self.faces else self.detail
 
+    def levels(self, output: Path) -> list[Path]:
+        """The files of coarser levels of detail beside an output."""
+        return [output.with_stem(f"{output.stem}_LOD{level}") for level in range(1, self.lods + 1)]
+
     def check(self) -> None:
         """Raise ExportError for a file that could not be written, before any work is done."""
-        from dipcg.export.asset import check_faces, check_target, check_texture
+        from dipcg.export.asset import check_extras, check_faces, check_target, check_texture
 
-        check_target(self.output)
+        for file in (self.output, *self.levels(self.output)):
+            check_target(file)
+        check_extras(self.output, self.lods, bool(self.collision), self.gpu_instancing, bool(self.texture))
         if self.params_out is not None:
             check_target(self.params_out, (".json",))
         if self.faces is not None:
@@ -76,6 +88,13 @@ class Written:
         asset = with_colours(replace(asset, material_seed=self.material_seed), estimate, self.colours)
         asset = asset if self.faces is None else asset.with_faces(self.faces)
         return asset if self.texture is None else _textured(asset, self.texture)
+
+    def write(self, asset: Asset, output: Path) -> None:
+        """Write a finished asset, with hulls and levels of detail as the flags say; raises ExportError."""
+        with_hulls = asset if self.collision is None else asset.with_hulls(self.collision)
+        with_hulls.export(output, self.gpu_instancing)
+        for level, file in enumerate(self.levels(output), 1):
+            asset.coarser(level).export(file, self.gpu_instancing)
 
 
 Options = Annotated[Written, OmitArgPrefixes]
@@ -107,7 +126,7 @@ def sample(
 
     from dipcg.generators import load_generator
 
-    check_outputs((output.output, output.params_out), (name,))
+    check_outputs((output.output, *output.levels(output.output), output.params_out), (name,))
     generator = load_generator(name)
     params = generator.space.sample(np.random.default_rng(seed))
     _check_preview(preview)
@@ -135,7 +154,7 @@ def edit(
 
     document = document_from_json(_read(file))
     name, colours = document["generator"], check_colours(document.get("colours", {}))
-    check_outputs((output.output, output.params_out, preview), (file, name))
+    check_outputs((output.output, *output.levels(output.output), output.params_out, preview), (file, name))
     generator = load_generator(name)
     before = generator.space.validate(document["params"])
     after = generator.space.replace(before, parse_settings(set))
@@ -191,7 +210,7 @@ def _build_and_write(
         every = [before, params] if preview and before else [params]
         assets = [Asset(pool.build(one, written.built), generator.ref, one, colours=colours or {}) for one in every]
     asset = written.finish(assets[-1])
-    asset.export(written.output)
+    written.write(asset, written.output)
     if written.params_out is not None:
         asset.save_params(written.params_out)
     if preview:

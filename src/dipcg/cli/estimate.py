@@ -97,7 +97,8 @@ def estimate(
         preview: PNG file for the photo beside the result
     """
     batch, targets = None, {}
-    check_outputs((output.output, output.params_out, preview), (estimation.generator, *images))
+    levels = output.levels(output.output)
+    check_outputs((output.output, *levels, output.params_out, preview), (estimation.generator, *images))
     images, others = (images[:1], images[1:]) if input.views else (images, ())
     estimation.check()
     if input.text is None:
@@ -266,7 +267,7 @@ def _write(result: Result, inverter: Inverter, targets: Targets, written: Writte
     from dipcg.inference.preview import side_by_side
 
     asset = written.finish(inverter.build(result.estimate.params, written.built), result.estimate)
-    asset.export(targets.output)
+    written.write(asset, targets.output)
     if targets.params:
         asset.save_params(targets.params)
     if targets.preview:

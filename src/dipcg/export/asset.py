@@ -8,10 +8,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from dipcg.export.collision import Engine, with_hulls
 from dipcg.export.scene import Scene, compose, on_floor
 from dipcg.files import write_file, written
 from dipcg.materials import Colour, Finish, coloured
 from dipcg.mesh import Mesh
+from dipcg.mesh.detail import TOLERANCE, standard
 from dipcg.mesh.simplify import simplify
 from dipcg.mesh.surface import Maps
 from dipcg.parameter_file import params_to_json
@@ -22,6 +24,10 @@ FBX = ".fbx"
 FORMATS = (*GLTF, ".obj", ".ply", ".stl", *USD, FBX, BLEND)
 # The formats that hold texture maps.
 TEXTURED = (*GLTF, *USD)
+# The formats that game engines read with the names of collision shapes.
+GAMES = (*GLTF, ".obj", FBX)
+# The most levels of detail beside an asset.
+MOST_LEVELS = 3
 # The least and the most pixels along a side of a map.
 MAP_SIZES = (16, 8192)
 # By suffix, the module that a format needs and the command that installs it.
@@ -66,17 +72,27 @@ class Asset:
         """The asset simplified to about this number of triangles at most; without maps."""
         return replace(self, mesh=simplify(self.mesh, faces, error=1.0), maps=None)
 
-    def export(self, path: str | Path) -> Path:
+    def coarser(self, level: int) -> Asset:
+        """The asset at a level of detail, without maps: each level may leave the surface three times as far."""
+        return replace(self, mesh=standard(self.mesh, TOLERANCE * 3**level), maps=None)
+
+    def with_hulls(self, engine: Engine) -> Asset:
+        """The asset with a convex hull around each solid, named as a game engine expects collision shapes."""
+        mesh, maps = with_hulls(self.mesh, self.maps, engine)
+        return replace(self, mesh=mesh, maps=maps)
+
+    def export(self, path: str | Path, gpu_instancing: bool = False) -> Path:
         """Write the asset in the format that the suffix names, in metres, its middle over the origin.
 
-        It stands on the floor. PLY, STL and Blender files are Z up, the others Y up.
+        It stands on the floor. PLY, STL and Blender files are Z up, the others Y up. With `gpu_instancing` glTF holds
+        all copies of a shape in one node by `EXT_mesh_gpu_instancing`.
         A .blend starts Blender, which takes seconds. Raises ExportError with a sentence when the format is unknown or
         the file cannot be written, and workers.rpc.BlenderError.
         """
         path = check_target(path)
         try:
             with written(path) as unfinished:
-                _write(self, unfinished)
+                _write(self, unfinished, gpu_instancing)
         except OSError as error:
             raise ExportError(f"{path} cannot be written ({error.strerror or error}).") from None
         return path
@@ -131,12 +147,25 @@ def check_texture(size: int, path: Path) -> None:
         raise ExportError(f"Baking maps needs the module bpy: run {NEEDS[BLEND][1]}.")
 
 
-def _write(asset: Asset, path: Path) -> None:
+def check_extras(path: Path, levels: int, hulls: bool, gpu_instancing: bool, texture: bool) -> None:
+    """Raise ExportError for levels of detail, hulls or instances in a format, or beside maps, that cannot have them."""
+    suffix = path.suffix.lower()
+    if not 0 <= levels <= MOST_LEVELS:
+        raise ExportError(f"There can be up to {MOST_LEVELS} levels of detail, got {levels}.")
+    if levels and (texture or suffix == BLEND):
+        raise ExportError("Levels of detail have no maps and are no .blend files; leave --lods or the other out.")
+    if hulls and suffix not in GAMES:
+        raise ExportError(f"Game engines read hulls from {', '.join(GAMES)}, not from {suffix} files.")
+    if gpu_instancing and suffix not in GLTF:
+        raise ExportError(f"Instances for the graphics card need {' or '.join(GLTF)}, not {suffix}.")
+
+
+def _write(asset: Asset, path: Path, gpu_instancing: bool) -> None:
     suffix = path.suffix.lower()
     if suffix in GLTF:
         from dipcg.export.gltf import write_gltf
 
-        write_gltf(asset.scene(copies=True), path)
+        write_gltf(asset.scene(copies=True), path, gpu_instancing)
     elif suffix in USD:
         from dipcg.export.usd import write_usd
 
