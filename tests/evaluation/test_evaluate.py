@@ -2,18 +2,24 @@
 
 import json
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
 from boxes import BOX, untrained, write_ball
+from PIL import Image
 
+from dipcg.camera import ViewGrid
 from dipcg.cli import main
 from dipcg.data.store import Store, build_dataset
 from dipcg.evaluation.baselines import Shape, built_shapes, middle, shortlist, stored_shapes
 from dipcg.evaluation.evaluate import Case, Plan, evaluate, pair_cases, split_cases
+from dipcg.evaluation.photographs import photographed_cases
+from dipcg.images import MARGIN
 from dipcg.metrics import chamfer, parameter_error, surface_points
 from dipcg.pipeline import Inverter
+from dipcg.render import Renderer
 
 # Three of them are in the test split, 54 in the training split.
 COUNT = 60
@@ -164,3 +170,21 @@ def test_a_negative_number_of_shapes_is_refused(capsys):
     with pytest.raises(SystemExit):
         main(["evaluate", "chair", "--data", "nowhere", "--nearest-of", "-1"])
     assert capsys.readouterr().err == "--nearest-of is a number of shapes, 0 for none, got -1.\n"
+
+
+# The paper's protocol
+
+
+@pytest.mark.blender
+@pytest.mark.skipif(find_spec("bpy") is None, reason="bpy not installed")
+def test_pictures_of_the_paper_protocol_are_of_the_shapes_from_published_cameras_and_drawn_once(data, tmp_path):
+    grid = ViewGrid((30,), (20,), (2.0,))
+    (case,) = photographed_cases(data, 1, grid, tmp_path)
+    drawn = case.image.read_bytes()
+    ours = Renderer(256, samples=0).render(case.mesh, grid.middle, margin=MARGIN)[..., 3] > 127
+    theirs = np.asarray(Image.open(case.image))[..., 3] > 127
+    assert (ours & theirs).sum() / (ours | theirs).sum() > 0.97
+    case.image.write_bytes(b"kept")
+    (again,) = photographed_cases(data, 1, grid, tmp_path)
+    assert again.image.read_bytes() == b"kept" != drawn
+    assert again.params == case.params

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from itertools import count as counter
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from tyro.conf import Positional
 
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from dipcg.evaluation.topology import Topology
     from dipcg.pipeline import Inverter
 
+# The columns of the paper's table 1.
+PAPER_METRICS = ("chamfer", "emd", "fscore")
+
 
 def evaluate(
     generator: Positional[str],
@@ -28,6 +31,7 @@ def evaluate(
     data: Path | None = None,
     pairs: Path | None = None,
     prefix: str = "",
+    protocol: Literal["ours", "paper"] = "ours",
     count: int = 100,
     candidates: int = 16,
     steps: int | None = None,
@@ -49,6 +53,8 @@ def evaluate(
         data: folder from `dipcg dataset build`, whose test split is used
         pairs: folder with NAME.png and NAME.npz (array `points`), compared at the best of four quarter turns
         prefix: beginning of the names of the pairs to use; the generator's name when left out
+        protocol: ours; or paper, which is that of its table 1: pictures by Cycles with Infinigen's materials from the
+            published cameras, no quarter turns, CD, EMD and F. Pictures are kept in the data set's folder
         count: the most shapes to measure
         candidates: number of candidates of each picture, the expected one among them
         steps: steps of the sampler; as many as the checkpoint was made for when left out
@@ -77,11 +83,14 @@ def evaluate(
     if pictures is not None and any(folder and pictures.resolve() == folder.resolve() for folder in (pairs, meshes)):
         raise ValueError(f"{pictures} holds what is read; choose another folder for the pictures.")
     if meshes is not None or pictures is not None:
-        return _external(_cases(data, pairs, prefix or generator, count), meshes, pictures, count, metric, json)
+        return _external(
+            _cases(protocol, data, pairs, prefix or generator, count), meshes, pictures, count, metric, json
+        )
     with Inverter.load(generator, workers=2) as inverter:
-        cases, done = _cases(data, pairs, prefix or inverter.generator.name, count), counter(1)
-        shapes = _random_shapes(inverter, data, nearest_of)
-        plan = Plan(candidates, steps, pairs is not None, metric, rank, refine, shapes)
+        cases, done = _cases(protocol, data, pairs, prefix or inverter.generator.name, count), counter(1)
+        shapes, turns = _random_shapes(inverter, data, nearest_of), pairs is not None and protocol == "ours"
+        metric = metric or (PAPER_METRICS if protocol == "paper" else ())
+        plan = Plan(candidates, steps, turns, metric, rank, refine, shapes)
         with bar("measuring", count) as update:
             measured = measure(inverter, cases, plan, lambda case: update(next(done), case.name))
     print(f"{table(measured)}\n\n{differences(measured)}")
@@ -115,13 +124,23 @@ def _random_shapes(inverter: Inverter, data: Path | None, count: int) -> list[Sh
         return built_shapes(inverter.pool, count, report=lambda done: update(done, ""))
 
 
-def _cases(data: Path | None, pairs: Path | None, prefix: str, count: int) -> Iterator[Case]:
+def _cases(protocol: str, data: Path | None, pairs: Path | None, prefix: str, count: int) -> Iterator[Case]:
     from dipcg.evaluation.evaluate import pair_cases, split_cases
 
+    if data is not None and protocol == "paper":
+        return _as_published(data, count)
     if data is not None:
         return split_cases(data, count)
     assert pairs is not None
     return islice(pair_cases(pairs, prefix), count)
+
+
+def _as_published(data: Path, count: int) -> Iterator[Case]:
+    from dipcg.data.store import Store
+    from dipcg.evaluation.photographs import photographed_cases
+    from dipcg.training.recipes import published_views
+
+    return photographed_cases(data, count, published_views(Store(data).info["generator"]), data / "paper")
 
 
 def compare_meshes(

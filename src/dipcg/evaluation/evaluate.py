@@ -59,7 +59,7 @@ def split_cases(folder: str | Path, count: int, seed: int = 0, split: str = "tes
         look = sample_look(rng, len(mesh.part_names))
         params = generator.space.decode(shapes.x[number].astype(float))
         image = renderer.render(mesh, generator.seen_from(params).sample(rng), look, MARGIN)
-        yield Case(f"{split}-{number}", np.ascontiguousarray(image), _mesh_sampler(mesh), params, mesh)
+        yield Case(f"{split}-{number}", np.ascontiguousarray(image), mesh_sampler(mesh), params, mesh)
 
 
 def pair_cases(folder: str | Path, prefix: str) -> Iterator[Case]:
@@ -219,5 +219,6 @@ def _compare(
     return values
 
 
-def _mesh_sampler(mesh: Mesh) -> Sampler:
+def mesh_sampler(mesh: Mesh) -> Sampler:
+    """A sampler of points `n 3` of the mesh's surface in the measuring frame."""
     return lambda count, rng: surface_points(mesh, count, rng)
