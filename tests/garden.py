@@ -22,10 +22,10 @@ def cube() -> Mesh:
     return make_mesh(CUBE, faces, quads=pairs(polygon.astype(np.int32)))
 
 
-def garden(spread: float = 1.0) -> Asset:
+def garden(spread: float = 1.0, size: float = 1.0) -> Asset:
     """A block with seeds in it and beyond, each turned, scaled along its axes, and moved."""
     rng, seed = np.random.default_rng(0), trimesh.creation.icosphere(subdivisions=3)
-    shape = seed.vertices * [0.01, 0.02, 0.05]
+    shape = size * seed.vertices * [0.01, 0.02, 0.05]
     turns, scales = Rotation.random(COPIES, random_state=0).as_matrix(), rng.uniform(0.5, 1.5, COPIES)
     places = rng.uniform(0, spread, (COPIES, 3))
     seeds = [Solid("seed", (s * shape) @ r.T + t, seed.faces) for s, r, t in zip(scales, turns, places, strict=True)]
