@@ -51,9 +51,9 @@ def box_checkpoint(folder: Path, generator: str = "box") -> str:
 
 
 @contextlib.contextmanager
-def serving(studio: Studio, folder: Path, hosts: tuple[str, ...] = ()) -> Iterator[str]:
+def serving(studio: Studio, folder: Path, hosts: tuple[str, ...] = (), learn: Path | None = None) -> Iterator[str]:
     """The address of a server over a studio, in a thread of this process."""
-    server = uvicorn.Server(uvicorn.Config(**settings(make_app(studio, folder, hosts), "127.0.0.1", 0)))
+    server = uvicorn.Server(uvicorn.Config(**settings(make_app(studio, folder, hosts, learn), "127.0.0.1", 0)))
     thread = threading.Thread(target=server.run, daemon=True)
     thread.start()
     while not server.started:

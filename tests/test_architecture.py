@@ -30,7 +30,7 @@ class Room:
 # A file may import its own room and every room below it. "root" is the files right in the package.
 ROOMS = {
     "cli": Room("app training evaluation importing", torch="in functions"),
-    "app": Room("inference", torch="anywhere"),
+    "app": Room("inference importing", torch="anywhere"),
     "training": Room("inference", torch="anywhere"),
     "evaluation": Room("inference", torch="anywhere"),
     "inference": Room("pipeline metrics render", torch="anywhere"),

@@ -19,7 +19,7 @@ from types import ModuleType
 from dipcg.space import did_you_mean
 
 KINDS = ("generators", "encoders", "metrics")
-# The Python files that may run.
+# The Python files that may run, and folders of which every file may.
 _allowed: set[Path] = set()
 
 
@@ -30,14 +30,21 @@ class CodeError(ValueError):
 def allow_code(*files: str | Path) -> None:
     """Let Python files of generators, encoders and metrics run, and the programs that TOML files name.
 
-    Only names that the user or the program has given belong here, and none that was read from a file.
+    A folder allows every file in it. Only names that the user or the program has given belong here, and none that was
+    read from a file.
     """
     _allowed.update(Path(file).resolve() for file in files)
 
 
+def is_allowed(path: Path) -> bool:
+    """Whether a file that runs code was allowed, or a folder that it is in."""
+    full = path.resolve()
+    return not _allowed.isdisjoint((full, *full.parents))
+
+
 def check_allowed(path: Path) -> None:
     """Raise CodeError for a file that would run code and that nobody has allowed."""
-    if path.resolve() not in _allowed:
+    if not is_allowed(path):
         kind = "Python file" if path.suffix == ".py" else "program in"
         raise CodeError(
             f"The {kind} {path} is named by a checkpoint, an asset or a data set, and would run with all your "

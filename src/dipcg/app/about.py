@@ -9,6 +9,7 @@ import dipcg
 from dipcg.app import limits, models
 from dipcg.app.making import endings
 from dipcg.app.studio import Studio
+from dipcg.app.trainings import Trainings
 from dipcg.export.asset import TEXTURED
 from dipcg.generators import Detail
 from dipcg.labels import label, option_labels
@@ -20,7 +21,7 @@ EXAMPLES = (Path(__file__).parents[1] / "examples", Path(__file__).parents[3] / 
 ALSO_CHAIRS = {"armchair": "chair", "sketch": "chair"}
 
 
-def about(studio: Studio) -> models.About:
+def about(studio: Studio, trainings: Trainings) -> models.About:
     """Formats, limits and examples."""
     formats = endings()
     return models.About(
@@ -34,9 +35,14 @@ def about(studio: Studio) -> models.About:
             "letters": limits.MOST_LETTERS,
             "texture": limits.MOST_TEXTURE,
             "faces": limits.MOST_FACES,
+            "source_bytes": limits.MOST_SOURCE_BYTES,
+            "shapes": limits.MOST_SHAPES,
+            "minutes": limits.MOST_MINUTES,
         },
         examples=[_example(path) for path in example_images(studio.names)],
         words=any(studio.reads_text(name) for name in studio.names),
+        learns=trainings.is_open,
+        takes_code=trainings.takes_code,
     )
 
 

@@ -12,7 +12,7 @@ import contextlib
 import json
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from http.client import HTTPException
 from pathlib import Path
 from typing import Any
@@ -117,10 +117,7 @@ class Client:
 
     def follow(self, job: str) -> Iterator[Answer]:
         """The job after each change, until it is over."""
-        with self._reading(), self._answer("GET", f"/jobs/{job}/events") as lines:
-            for line in lines:
-                if line.startswith(b"data:"):
-                    yield self._parsed(line[5:])
+        return self._events(f"/jobs/{job}/events")
 
     def finish(self, job: str, report: Report | None = None) -> Answer:
         """Wait for the result of a job."""
@@ -132,10 +129,51 @@ class Client:
             raise ApiError(last.get("error") or ("The job was cancelled." if last else self._other))
         return last["result"]
 
+    def trainings(self) -> list[Answer]:
+        """The generators that are learned, the oldest first."""
+        return self._json("GET", "/trainings")
+
+    def training(self, training: str) -> Answer:
+        """How far a training is, with its parameters and their ranges."""
+        return self._json("GET", f"/trainings/{training}")
+
+    def propose(self, source: str | Path | bytes, file: str = "", object: str = "", modifier: str = "") -> Answer:
+        """Send a .blend, .scad or Python file, of which ranges are proposed; `file` is its name."""
+        content = source if isinstance(source, bytes) else Path(source).read_bytes()
+        name = file or Path(str(source)).name
+        query = "&".join(f"{k}={quote(v)}" for k, v in (("file", name), ("object", object), ("modifier", modifier)))
+        return self._parsed(self.send("POST", f"/trainings?{query}", content, "application/octet-stream"))
+
+    def set_ranges(self, training: str, ranges: Mapping[str, Any], hold: Iterable[str] = ()) -> Answer:
+        """Edit the proposed ranges, all at once: (low, high) by name, and names that stay as in the source."""
+        return self._json("PUT", f"/trainings/{training}/ranges", {"ranges": dict(ranges), "hold": list(hold)})
+
+    def learn(self, training: str, **options: Any) -> Answer:
+        """Build data and train, or go on with it; `options`: shapes, minutes."""
+        return self._json("POST", f"/trainings/{training}/learn", options)
+
+    def stop_training(self, training: str) -> Answer:
+        """Stop it, and keep what is there."""
+        return self._json("POST", f"/trainings/{training}/stop", {})
+
+    def delete_training(self, training: str) -> None:
+        """Forget a generator and all that was learned."""
+        self.send("DELETE", f"/trainings/{training}")
+
+    def follow_training(self, training: str) -> Iterator[Answer]:
+        """The training after each change, until nothing is done for it any more."""
+        return self._events(f"/trainings/{training}/events")
+
     def send(self, method: str, path: str, body: bytes | None = None, kind: str = "application/json") -> bytes:
         """A request to a path below /api/v1, and the bytes of the answer."""
         with self._reading(), self._answer(method, path, body, kind) as answer:
             return answer.read()
+
+    def _events(self, path: str) -> Iterator[Answer]:
+        with self._reading(), self._answer("GET", path) as lines:
+            for line in lines:
+                if line.startswith(b"data:"):
+                    yield self._parsed(line[5:])
 
     def _json(self, method: str, path: str, body: Any = None) -> Any:
         return self._parsed(self.send(method, path, None if body is None else _as_json(body)))

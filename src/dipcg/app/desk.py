@@ -15,6 +15,7 @@ from dipcg.app.limits import MOST_PREVIEWS, MOST_UPLOADING_BYTES
 from dipcg.app.making import Making
 from dipcg.app.pictures import Pictures
 from dipcg.app.studio import Studio
+from dipcg.app.trainings import Trainings
 
 # Seconds between two looks for what has been kept too long.
 SWEEP_S = 60.0
@@ -23,8 +24,9 @@ SWEEP_S = 60.0
 class Desk:
     """Pictures, jobs and files of all visitors, and who works on them."""
 
-    def __init__(self, studio: Studio, folder: Path) -> None:
+    def __init__(self, studio: Studio, folder: Path, learn: Path | None = None) -> None:
         self.studio = studio
+        self.trainings = Trainings(studio, learn)
         self.pictures, self.jobs = Pictures(), Jobs()
         self.estimating, self.making = Estimating(studio, self.pictures), Making(studio, folder)
         self.previews, self.cut_outs = Budget(MOST_PREVIEWS), Budget(MOST_PREVIEWS)
@@ -41,6 +43,7 @@ class Desk:
 
     def close(self) -> None:
         """Stop all work."""
+        self.trainings.close()
         self.making.close()
         self.estimating.close()
 

@@ -8,14 +8,14 @@ from collections.abc import Awaitable, Callable, Collection, MutableMapping
 from typing import Any
 from urllib.parse import urlsplit
 
-from dipcg.app.limits import MOST_DRAINED_BYTES, MOST_JSON_BYTES, MOST_PICTURE_BYTES
+from dipcg.app.limits import MOST_DRAINED_BYTES, MOST_JSON_BYTES, MOST_PICTURE_BYTES, MOST_SOURCE_BYTES
 
 Message = MutableMapping[str, Any]
 Application = Callable[[Message, Callable[..., Any], Callable[..., Any]], Awaitable[None]]
 Refusal = tuple[int, str]
 
-# The only address that takes long bodies.
-UPLOAD = "/api/v1/pictures"
+# The only addresses that take long bodies, with the most bytes of each.
+UPLOADS = {"/api/v1/pictures": MOST_PICTURE_BYTES, "/api/v1/trainings": MOST_SOURCE_BYTES}
 
 # The page runs its own scripts alone, loads nothing from elsewhere, and is shown in no frame.
 POLICY = "; ".join(
@@ -101,7 +101,7 @@ def body_refusal(headers: MutableMapping[str, str]) -> Refusal | None:
 
 def most_bytes(method: str, path: str) -> int:
     """The longest body of a request."""
-    return MOST_PICTURE_BYTES if (method, path) == ("POST", UPLOAD) else MOST_JSON_BYTES
+    return UPLOADS.get(path, MOST_JSON_BYTES) if method == "POST" else MOST_JSON_BYTES
 
 
 def length_refusal(headers: MutableMapping[str, str], most: int) -> Refusal | None:

@@ -21,8 +21,8 @@ BUSY = "The server has too much to do; try again in a minute."
 class Busy(RuntimeError):
     """The server has too much to do."""
 
-    def __init__(self) -> None:
-        super().__init__(BUSY)
+    def __init__(self, sentence: str = BUSY) -> None:
+        super().__init__(sentence)
 
 
 class Job:

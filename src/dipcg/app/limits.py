@@ -5,6 +5,8 @@ from __future__ import annotations
 # Requests. A picture is read from a stream; every other body is JSON.
 MOST_PICTURE_BYTES = 25 * 2**20
 MOST_JSON_BYTES = 2**18
+# A generator's file that is learned, where the server was started with --learn.
+MOST_SOURCE_BYTES = 100 * 2**20
 # A longer body is read and forgotten, so that its client sees the error; a body of more than this is not read.
 MOST_DRAINED_BYTES = 100 * 2**20
 # Seconds in which the headers of a request must come, and the slowest upload after that.
@@ -29,3 +31,6 @@ PICTURES_BYTES, PICTURES_OF_ONE = 256 * 2**20, 64 * 2**20
 FILES_BYTES, FILES_OF_ONE = 2 * 2**30, 2**29
 # Jobs are counted instead.
 JOBS, JOBS_OF_ONE = 4000, 1000
+
+# Generators that are learned: how many are kept, and the longest that may be asked for.
+MOST_TRAININGS, MOST_SHAPES, MOST_MINUTES = 50, 50_000, 7 * 24 * 60

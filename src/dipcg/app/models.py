@@ -150,6 +150,10 @@ class About(BaseModel):
     examples: list[Example]
     words: bool
     """whether sentences are read"""
+    learns: bool
+    """whether generators are learned here"""
+    takes_code: bool
+    """whether Python files are learned, which run with all rights of the server"""
 
 
 class Picture(BaseModel):

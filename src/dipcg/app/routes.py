@@ -59,7 +59,7 @@ TheJob = Annotated[Job, Depends(_job)]
 @router.get("/about")
 def get_about(desk: TheDesk) -> models.About:
     """What this server can do, its limits, and pictures to begin with."""
-    return about.about(desk.studio)
+    return about.about(desk.studio, desk.trainings)
 
 
 @router.get("/examples/{name}", response_class=FileResponse)

@@ -18,6 +18,7 @@ from fastapi import FastAPI
 from fastapi.staticfiles import StaticFiles
 
 import dipcg
+from dipcg.app import training_routes
 from dipcg.app.desk import Desk
 from dipcg.app.errors import add_error_handlers
 from dipcg.app.guard import Guard
@@ -36,9 +37,18 @@ SILENT: Any = {"tracing": False, "metrics": False, "logs": False, "auto_configur
 
 
 def serve(
-    names: Sequence[str], host: str, port: int, workers: int | None, browser: bool, allow_hosts: Sequence[str] = ()
+    names: Sequence[str],
+    host: str,
+    port: int,
+    workers: int | None,
+    browser: bool,
+    allow_hosts: Sequence[str] = (),
+    learn: Path | None = None,
 ) -> None:
-    """Serve until Ctrl-C or SIGTERM; files of visitors live in a folder that is deleted at the end."""
+    """Serve until Ctrl-C or SIGTERM; files of visitors live in a folder that is deleted at the end.
+
+    `learn` is the folder of generators that are learned, which stays.
+    """
     give_memory_back()
     address = f"http://{host}:{port}"
     # uvicorn ends with the signal that stopped it, which without this would end the process before it has cleaned up.
@@ -48,7 +58,7 @@ def serve(
         if browser:
             webbrowser.open(address)
         with contextlib.suppress(KeyboardInterrupt):
-            uvicorn.run(**settings(make_app(studio, folder, {host, *allow_hosts}), host, port))
+            uvicorn.run(**settings(make_app(studio, folder, {host, *allow_hosts}, learn), host, port))
 
 
 def give_memory_back() -> None:
@@ -73,12 +83,15 @@ def settings(app: Any, host: str, port: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def make_app(studio: Studio, folder: Path, hosts: Collection[str] = ()) -> Guard:
-    """The application; `folder` is where files of visitors go, `hosts` are names under which it answers."""
+def make_app(studio: Studio, folder: Path, hosts: Collection[str] = (), learn: Path | None = None) -> Guard:
+    """The application; `folder` is where files of visitors go, `hosts` are names under which it answers.
+
+    `learn` is the folder of generators that are learned; None for none.
+    """
 
     @contextlib.asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        app.state.desk = desk = Desk(studio, folder)
+        app.state.desk = desk = Desk(studio, folder, learn)
         sweeping = asyncio.create_task(desk.sweep_for_ever())
         yield
         sweeping.cancel()
@@ -90,5 +103,6 @@ def make_app(studio: Studio, folder: Path, hosts: Collection[str] = ()) -> Guard
     )  # fmt: skip
     add_error_handlers(app)
     app.include_router(router)
+    app.include_router(training_routes.router)
     app.mount("/", StaticFiles(directory=STATIC, html=True))
     return Guard(app, hosts)

@@ -40,14 +40,20 @@ class Studio:
         self._too_costly: dict[str, BuildError] = {}
         self._lock = threading.Lock()
         for inverter in self.inverters.values():
-            inverter.pool.timeout_s = BUILD_S
-            inverter.pool.share(PATIENCE_S)
-            inverter.pool.warm()
+            _limit(inverter)
 
     @property
     def names(self) -> list[str]:
         """The generators, in the order in which they were named."""
         return list(self.inverters)
+
+    def learn(self, folder: str) -> None:
+        """Serve the checkpoint in a folder, in place of an earlier one for its generator; raises as `__init__` does."""
+        _limit(self.inverters.replace(folder))
+
+    def forget(self, name: str) -> None:
+        """Serve a generator no more."""
+        self.inverters.remove(name)
 
     def find(self, name: str) -> Inverter:
         """The estimator of a generator; raises ValueError with the nearest name."""
@@ -96,3 +102,9 @@ class Studio:
             self._too_costly[key] = error
             if len(self._too_costly) > MOST_REMEMBERED:
                 del self._too_costly[next(iter(self._too_costly))]
+
+
+def _limit(inverter: Inverter) -> None:
+    inverter.pool.timeout_s = BUILD_S
+    inverter.pool.share(PATIENCE_S)
+    inverter.pool.warm()

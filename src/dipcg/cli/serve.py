@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from tyro.conf import Positional
 
 
@@ -14,6 +16,7 @@ def serve(
     workers: int | None = None,
     browser: bool = False,
     allow_host: tuple[str, ...] = (),
+    learn: Path | None = None,
 ) -> None:
     """Start the web app, in which pictures become editable assets, and its HTTP API.
 
@@ -24,6 +27,8 @@ def serve(
         workers: number of build processes of each generator; by the number of processors when left out
         browser: open the page
         allow_host: names under which the server may be asked, besides localhost; give the name of your proxy
+        learn: folder in which generators that visitors send are learned; none are when left out. With --allow-code
+            FOLDER for the same folder, Python files are taken too, and run with all your rights
     """
     try:
         from dipcg.app.server import serve as start
@@ -31,4 +36,4 @@ def serve(
         if error.name not in ("fastapi", "uvicorn"):
             raise
         raise ModuleNotFoundError("The web app needs FastAPI and uvicorn: run `pip install 'dipcg[app]'`.") from None
-    start(names, host, port, workers, browser, allow_host)
+    start(names, host, port, workers, browser, allow_host, learn)

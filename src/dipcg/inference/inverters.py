@@ -68,6 +68,24 @@ class Inverters(Mapping[str, Inverter]):
         classifier, encoder = self._classifier
         return classifier.classify_many(pictures, encoder)
 
+    def replace(self, folder: str) -> Inverter:
+        """Take the checkpoint in a folder in place of the one for the same generator, if there is one."""
+        made = Inverter.load(folder, self._workers)
+        self.remove(made.generator.name)
+        self._loaded |= {folder: made}
+        # Another thread may be listing the names.
+        self._refs = self._refs | {made.generator.name: folder}
+        return made
+
+    def remove(self, name: str) -> None:
+        """Forget a generator, and stop its workers; nothing happens when there is none of this name."""
+        ref = self._refs.get(name)
+        self._refs = {other: where for other, where in self._refs.items() if other != name}
+        old = self._loaded.pop(ref, None) if ref else None
+        self._loaded = {where: inverter for where, inverter in self._loaded.items() if inverter is not old}
+        if old:
+            old.close()
+
     def close(self) -> None:
         """Stop the workers of all estimators."""
         for inverter in self._loaded.values():

@@ -1,0 +1,32 @@
+"""What the file of a stranger's generator may be, before a program reads it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from dipcg.importing.header import saved_by
+
+# Strings and comments of OpenSCAD, which are passed over, and the words that read other files of the machine.
+OPENSCAD = re.compile(
+    r'"(?:\\.|[^"\\])*"|//[^\n]*|/\*.*?\*/|\b(?P<word>include|use|import\w*|surface|dxf_\w+|dxf_dim)\b', re.DOTALL
+)
+
+
+def check_source(path: Path, file: str) -> None:
+    """Raise ValueError with a sentence for what is no Blender file, or for OpenSCAD that reads other files."""
+    if file.lower().endswith(".blend"):
+        try:
+            saved_by(path)
+        except ValueError:
+            raise ValueError(f"{file} is not a Blender file; give one that Blender saved.") from None
+    if file.lower().endswith(".scad"):
+        _check_alone(path.read_text(encoding="utf-8", errors="replace"), file)
+
+
+def _check_alone(text: str, file: str) -> None:
+    found = next((match["word"] for match in OPENSCAD.finditer(text) if match["word"]), None)
+    if found:
+        raise ValueError(
+            f"{file} uses `{found}`, which reads other files. Here it must stand alone; put all of it into one file."
+        )
