@@ -7,6 +7,7 @@ TESTS = Path(__file__).parent
 MARKED = {
     "slow": {
         "app/test_api.py::test_words_become",
+        "app/test_browser_training.py::test_a_generator",
         "app/test_trainings.py",
         "cli/test_assets.py::test_a_folder_is_worked_through",
         "cli/test_batch.py::test_a_name_that_is_no_utf8",

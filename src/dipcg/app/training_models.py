@@ -46,6 +46,8 @@ class Proposed(BaseModel):
     why: str
     """how the range came about; empty for the source's own"""
     held: bool
+    edited: bool
+    """whether its range is another than the proposed one"""
 
 
 class TrainingAnswer(BaseModel):

@@ -39,6 +39,26 @@ export const cutOut = (id, corrections, signal) => post(`pictures/${encodeURICom
 export const startEstimate = async (request) => (await post("estimates", request)).job;
 export const startAsset = async (request) => (await post("assets", request)).job;
 
+const training = (id, rest = "") => `trainings/${encodeURIComponent(id)}${rest}`;
+export const trainings = () => json("trainings");
+export const propose = (file) => post(`trainings?file=${encodeURIComponent(file.name)}`, file);
+export const setRanges = (id, ranges, hold) => json(training(id, "/ranges"), { method: "PUT", body: { ranges, hold } });
+export const learn = (id, shapes, minutes) => post(training(id, "/learn"), { shapes, minutes });
+export const stopTraining = (id) => post(training(id, "/stop"), {});
+export const deleteTraining = (id) => ask(training(id), { method: "DELETE" });
+
+/** Calls `report` with the training after each change; `over` when nothing is done for it any more. */
+export function followTraining(id, report, over) {
+  const events = new EventSource(API + training(id, "/events"));
+  const working = new Set(["waiting", "proposing", "learning", "stopping"]);
+  events.onmessage = ({ data }) => {
+    const now = JSON.parse(data);
+    report(now);
+    if (!working.has(now.state)) events.close(), over(now);
+  };
+  return () => events.close();
+}
+
 /** The light GLB of parameters. */
 export async function preview(generator, params, signal) {
   const answer = await ask("assets/preview", { method: "POST", body: { generator, params }, signal });

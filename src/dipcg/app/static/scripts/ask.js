@@ -20,8 +20,12 @@ export function start({ limits, words: reads }, generators) {
     if (event.key === "Enter" && !event.shiftKey) event.preventDefault(), describe(words.value.trim());
   });
   find("#wanted").addEventListener("change", ({ target }) => want(target.value));
-  find("#wanted-part").hidden = generators.length < 2;
   state.listen((now, before) => menu(now, before, generators));
+}
+
+/** Open one of the tabs. */
+export function open(name) {
+  choose([...document.querySelectorAll("#ask [role=tab]")], find(`#tab-${name}`));
 }
 
 function choose(tabs, chosen) {
@@ -56,7 +60,9 @@ function want(wanted) {
 /** The menu says how likely each generator is for the result that is open. */
 function menu(now, before, generators) {
   const result = now.results[now.open?.result];
-  if (find("#wanted").options.length && now.wanted === before.wanted && result === before.results[before.open?.result]) return;
+  // The option above them says "Recognise it".
+  const all = find("#wanted").options.length === generators.length + 1;
+  if (all && now.wanted === before.wanted && result === before.results[before.open?.result]) return;
   const chances = Object.keys(result?.generators ?? {}).length > 1 ? result.generators : {};
   const options = generators.map(({ name, label }) => {
     const chance = chances[name] === undefined ? "" : ` · ${percent(chances[name])}`;
@@ -66,4 +72,5 @@ function menu(now, before, generators) {
   const seen = likeliest && `Recognised: ${capital(generators.find(({ name }) => name === likeliest)?.label ?? likeliest)} · ${percent(chance)}`;
   find("#wanted").replaceChildren(make("option", { value: "", textContent: seen ?? "Recognise it" }), ...options);
   find("#wanted").value = now.wanted;
+  find("#wanted-part").hidden = generators.length < 2;
 }

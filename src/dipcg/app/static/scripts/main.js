@@ -14,6 +14,7 @@ import * as sketch from "./sketch.js";
 import * as state from "./state.js";
 import * as strip from "./strip.js";
 import { tell } from "./toast.js";
+import * as training from "./training.js";
 import * as viewer from "./viewer.js";
 
 async function start() {
@@ -22,6 +23,7 @@ async function start() {
   picture.start(about);
   for (const part of [sketch, camera, correct]) part.start(about);
   ask.start(about, generators);
+  training.start(about, generators);
   strip.start();
   parameters.start(generators);
   preview.start();

@@ -13,7 +13,8 @@ export function start({ examples, limits }) {
   });
   for (const name of ["dragenter", "dragover"]) addEventListener(name, (event) => over(event, zone, true));
   for (const name of ["dragleave", "drop"]) addEventListener(name, (event) => over(event, zone, false));
-  addEventListener("drop", (event) => use(event.dataTransfer.files[0], limits));
+  // A file that is dropped on the tab for generators is none of a picture.
+  addEventListener("drop", (event) => find("#by-own").hidden && use(event.dataTransfer.files[0], limits));
   addEventListener("paste", (event) => use([...event.clipboardData.files].find(({ type }) => type.startsWith("image/")), limits));
   find("#examples").append(...examples.map((example) => tile(example, limits)));
   find("#examples-part").hidden = !examples.length;
