@@ -72,6 +72,14 @@ def test_a_mirror_image_that_is_no_asset_is_named(tmp_path):
     assert "Declare mirrors = None" in "\n".join(finding.text for finding in check(str(path)))
 
 
+def test_parameters_of_large_meshes_are_tried_too(tmp_path):
+    path = Path(write(tmp_path, extra="import numpy as np"))
+    path.write_text(
+        path.read_text().replace("vertices, faces\n", "vertices, np.repeat(faces, 400_000 // len(faces), axis=0)\n")
+    )
+    assert list(check(str(path))) == []
+
+
 def test_the_command_says_what_to_mend_and_exits_with_1(tmp_path, capsys):
     with pytest.raises(SystemExit) as end:
         main(["generators", "check", write(tmp_path, more=LOST)])

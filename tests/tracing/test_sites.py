@@ -1,10 +1,12 @@
 """Names of draws: what a draw is assigned to, read from the source, and how it is used."""
 
 import ast
+import sys
 
 import pytest
 
-from dipcg.tracing.sites import snake, use_of
+from dipcg.tracing.programs import _call_function
+from dipcg.tracing.sites import places, snake, use_of
 
 
 def use(source: str):
@@ -74,3 +76,15 @@ def test_names_work_on_a_command_line():
         "",
         "x_y",
     ]
+
+
+def test_a_site_is_known_by_lines_of_the_program_alone():
+    found = []
+
+    def program(seed):
+        found.extend(places(sys._getframe(), test_a_site_is_known_by_lines_of_the_program_alone.__code__))
+
+    _call_function(program, 0, {})
+    names = [code.co_name for code, _ in found]
+    assert names[0] == "program"
+    assert "_call_function" not in names

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
@@ -40,7 +41,7 @@ def check(ref: str, report: Callable[[int], None] = lambda count: None) -> Itera
     generator = load_generator(ref)
     yield from _declaration(generator)
     rng = np.random.default_rng(0)
-    with Trials(ref, report) as trials:
+    with Trials(ref, report, math.inf) as trials:
         drawn = [generator.space.sample(rng) for _ in range(SAMPLES)]
         meshes = list(trials.pool.map(drawn, "full"))
         yield from _failures(meshes)

@@ -27,11 +27,16 @@ Tried = Mesh | str
 
 
 class Trials:
-    """Builds with worker processes; `report` gets the number of builds so far. A context manager."""
+    """Builds with worker processes; `report` gets the number of builds so far. A context manager.
 
-    def __init__(self, path: Path | str, report: Callable[[int], None] = lambda count: None) -> None:
+    A mesh of more triangles than `most` counts as one that cannot be used.
+    """
+
+    def __init__(
+        self, path: Path | str, report: Callable[[int], None] = lambda count: None, most: float = TRIANGLES
+    ) -> None:
         self.pool = BuildPool(str(path), workers=2, timeout_s=BUILD_S)
-        self.report, self.count, self.most = report, 0, TRIANGLES
+        self.report, self.count, self.most = report, 0, most
 
     def start(self, params: Params) -> Mesh:
         """The mesh that everything is compared with; raises BuildError."""

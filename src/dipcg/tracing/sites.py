@@ -15,6 +15,7 @@ from types import CodeType, FrameType
 MATERIAL = re.compile(r"(^|[._])(material|materials|shader|shaders|texture|textures|colou?rs?|hsv|rgb)([._]|$)", re.I)
 # Functions around a draw that make its value easier to read: the parameter has the value after the call.
 READABLE = {"exp": "log", "deg2rad": "degrees", "radians": "degrees"}
+HERE = str(Path(__file__).parent)
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 
 
@@ -44,10 +45,14 @@ Place = tuple[CodeType, int]
 
 
 def places(frame: FrameType | None, stop: CodeType) -> tuple[Place, ...]:
-    """The frames from the draw, innermost first, up to the one that runs `stop`, which is left out."""
+    """The frames from the draw, innermost first, up to the one that runs `stop`, which is left out.
+
+    Frames of this folder, which call the program, are left out too: another version of dipcg must find the same draws.
+    """
     found: list[Place] = []
     while frame is not None and frame.f_code is not stop:
-        found.append((frame.f_code, frame.f_lasti))
+        if not frame.f_code.co_filename.startswith(HERE):
+            found.append((frame.f_code, frame.f_lasti))
         frame = frame.f_back
     return tuple(found)
 
