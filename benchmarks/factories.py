@@ -10,6 +10,7 @@ import json
 import os
 import re
 import sys
+import textwrap
 import time
 from importlib.util import find_spec
 from pathlib import Path
@@ -36,6 +37,8 @@ FOLDERS = (
     "cactus,small_plants,tropic_plants,monocot,mollusk,decor,rocks,organizer,corals,clothes,fruits,grassland,appliances"
 )
 SHAPES = 4
+# The longest reason in the table, in characters.
+REASON = 160
 SIZE, COLUMNS, GALLERY = 128, 8, 40
 
 
@@ -120,7 +123,12 @@ def table(results: list[dict[str, Any]]) -> str:
     lines += [f"| {one['name']} | {one['parameters']} | {one['seconds']:.2f} |" for one in passed]
     failed = [one for one in results if one["reason"]]
     lines += ["", f"{len(passed)} of {len(results)} pass. The others:", "", "| factory | reason |", "|---|---|"]
-    return "\n".join(lines + [f"| {one['name']} | {one['reason'][:160]} |" for one in failed])
+    return "\n".join(lines + [f"| {one['name']} | {shortened(one['reason'])} |" for one in failed])
+
+
+def shortened(reason: str) -> str:
+    """A reason without the name of the module, in one line of the table."""
+    return textwrap.shorten(re.sub(r"^infinigen\S+ (cannot be recorded: )?", "", reason), REASON, placeholder=" …")
 
 
 def gallery(results: list[dict[str, Any]], file: str) -> None:
