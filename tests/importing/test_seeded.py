@@ -160,6 +160,8 @@ def test_a_program_that_has_changed_is_refused(tower, tmp_path):
         ("def make(seed):\n    return 'a tower'", "returned a str"),
         ("def make(seed):\n    return _triangle(1)", "no draw that can be a parameter"),
         ("def make(seed):\n    import os\n    os._exit(3)", "died"),
+        ("def make(seed):\n    raise SystemExit(1)", "ends its process with sys.exit"),
+        ("def make(seed):\n    return [[0, 0, 0], [1, 1, uniform()]], [[0, 1]]", "three corners or more"),
         ("import nowhere_to_be_found\ndef make(seed): pass", "No module named 'nowhere_to_be_found'"),
         ("def other(seed): pass\ndef more(seed): pass", "--function"),
         ("def make(:", "no Python"),

@@ -11,6 +11,8 @@ import numpy as np
 
 # A normal draw lies within so many standard deviations as a parameter.
 SIGMAS = 2.0
+# An exponential draw lies within so many times its mean as a parameter.
+EXPONENTIAL = 4.0
 
 
 @dataclass(frozen=True)
@@ -127,6 +129,28 @@ def _choice(a: Any, size: Any = None, replace: bool = True, p: Any = None, *_: A
     return _options(range(int(a)) if np.ndim(a) == 0 else list(a), size, p)
 
 
+def _triangular(left: Any, mode: Any, right: Any, size: Any = None) -> Distribution:
+    return _shaped("uniform", left, right, size)
+
+
+def _triangular_of_random(low: float = 0.0, high: float = 1.0, mode: float | None = None) -> Distribution:
+    return _shaped("uniform", low, high, None)
+
+
+def _beta(a: Any, b: Any, size: Any = None) -> Distribution:
+    return _shaped("uniform", np.zeros(np.broadcast_shapes(np.shape(a), np.shape(b))), 1.0, size)
+
+
+def _exponential(scale: Any = 1.0, size: Any = None) -> Distribution:
+    """From 0 to what 98 % of the draws stay below."""
+    return _shaped("uniform", 0.0, np.asarray(scale) * EXPONENTIAL, size)
+
+
+def _lognormal(mean: Any = 0.0, sigma: Any = 1.0, size: Any = None) -> Distribution:
+    low, high = (np.exp(np.asarray(mean) + side * np.asarray(sigma)) for side in (-SIGMAS, SIGMAS))
+    return _shaped("uniform", low, high, size)
+
+
 def _binomial(n: Any, p: Any, size: Any = None) -> Distribution:
     return _shaped("integer", 0, np.asarray(n) + 1, size)
 
@@ -166,6 +190,14 @@ READERS: dict[str, Callable[..., Distribution]] = {
     "random_integers": lambda low, high=None, size=None: _integers(low, high, size, endpoint=True),
     "choice": _choice,
     "binomial": _binomial,
+    "triangular": _triangular,
+    "random.triangular": _triangular_of_random,
+    "beta": _beta,
+    "betavariate": _beta,
+    "exponential": _exponential,
+    "expovariate": lambda lambd=1.0: _exponential(1 / lambd),
+    "lognormal": _lognormal,
+    "lognormvariate": _lognormal,
     "random.randint": _randint_of_random,
     "random.randrange": _randrange,
     "random.uniform": lambda a, b: _shaped("uniform", a, b, None),

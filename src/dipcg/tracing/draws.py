@@ -28,7 +28,7 @@ MAX_ARRAY = 8
 # Methods of random number generators that do not draw.
 QUIET = ("seed", "get_state", "set_state", "getstate", "setstate", "spawn", "bit_generator", "VERSION")
 # Functions of `random` whose arguments mean something else than those of NumPy's function of the same name.
-DIFFERENT = ("random", "uniform", "randint", "randrange", "choice")
+DIFFERENT = ("random", "uniform", "randint", "randrange", "choice", "triangular")
 
 
 class ProgramError(ValueError):

@@ -1,4 +1,4 @@
-"""Finding a seeded program, calling it, and reading what it made as a mesh; all of it in a child process."""
+"""Finding a seeded program and calling it, in a child process."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from dipcg.mesh import Mesh, join, make_mesh
-from dipcg.mesh.order import sort_faces
+from dipcg.mesh import Mesh
 from dipcg.tracing.draws import Choose, Draw, ProgramError, Recorder, install
+from dipcg.tracing.returned import read
 
 SEED_NAMES = ("seed", "factory_seed", "random_seed", "random_state", "rng", "generator", "random")
 GENERATOR_NAMES = ("rng", "generator")
@@ -36,7 +36,7 @@ def run(program: str, seed: int, arguments: Mapping[str, Any], choose: Choose) -
     _clean()
     with Recorder(seed, choose, _called.__code__) as recorder:
         made = _called(call, seed, arguments)
-    return _mesh(made), recorder.draws
+    return read(made), recorder.draws
 
 
 def _called(call: Callable[..., Any], seed: int, arguments: Mapping[str, Any]) -> Any:
@@ -45,6 +45,8 @@ def _called(call: Callable[..., Any], seed: int, arguments: Mapping[str, Any]) -
         return call(seed, arguments)
     except EOFError:
         raise ProgramError("It asks for input, and nobody can answer.") from None
+    except SystemExit:
+        raise ProgramError("It ends its process with sys.exit; let it return the mesh.") from None
 
 
 @functools.cache
@@ -172,29 +174,3 @@ def _clean() -> None:
         from dipcg.blender.objects import clean
 
         clean()
-
-
-def _mesh(made: Any) -> Mesh:
-    if "bpy" in sys.modules:
-        from dipcg.blender.objects import is_scene, read_scene
-
-        if is_scene(made):
-            return read_scene(made)
-    return sort_faces(_plain(made))
-
-
-def _plain(made: Any) -> Mesh:
-    if isinstance(made, Mesh):
-        return made
-    if hasattr(made, "to_mesh"):
-        made = made.to_mesh()
-    if hasattr(made, "vertices") and hasattr(made, "faces"):
-        return make_mesh(made.vertices, made.faces)
-    if isinstance(made, (list, tuple)) and len(made) and all(hasattr(one, "vertices") for one in made):
-        return join([("body", np.asarray(one.vertices), np.asarray(one.faces)) for one in made])
-    try:
-        vertices, faces = made
-    except (TypeError, ValueError):
-        kind = type(made).__name__
-        raise ProgramError(f"It returned a {kind}; a mesh, (vertices, faces) or Blender objects are needed.") from None
-    return make_mesh(vertices, faces)
