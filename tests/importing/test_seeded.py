@@ -11,6 +11,7 @@ from dipcg.importing.survey import Runner, survey
 from dipcg.mesh import Mesh
 from dipcg.registry import CodeError, allow_code
 from dipcg.space import Real
+from dipcg.tracing.programs import full_name
 from dipcg.workers.pool import BuildPool
 
 TOWER = '''
@@ -174,6 +175,13 @@ def test_a_program_that_cannot_be_recorded_gets_a_sentence(body, sentence, tmp_p
     with pytest.raises(ValueError, match=sentence):
         import_program(str(file), output=tmp_path / "made.toml")
     assert not (tmp_path / "made.toml").exists()
+
+
+@pytest.mark.parametrize(("name", "sentence"), [("", "Name one of"), ("NoFactory", "none of its modules has one")])
+def test_a_factory_that_is_not_there_gets_a_sentence(name, sentence):
+    pytest.importorskip("infinigen")
+    with pytest.raises(ValueError, match=sentence):
+        full_name(f"infinigen:{name}")
 
 
 def test_a_program_that_hangs_is_stopped(tmp_path):

@@ -41,7 +41,7 @@ def import_scad(scad: Path, output: Path | None = None, seconds: float = 600.0) 
     top = {"doc": f"The OpenSCAD file {scad.name}.", "scad": inside, "sha256": digest(scad)}
     try:
         path.write_text(write_scad(top, entries, path), encoding="utf-8")
-        effects = _tried(path, seconds)
+        effects = _tried(path, scad, seconds)
     except BaseException:
         path.unlink(missing_ok=True)
         raise
@@ -56,14 +56,14 @@ def import_scad(scad: Path, output: Path | None = None, seconds: float = 600.0) 
     return Imported(path, [_row(space[name], entry) for name, entry in kept.items()], left_out, notes)
 
 
-def _tried(path: Path, seconds: float) -> Effects:
+def _tried(path: Path, scad: Path, seconds: float) -> Effects:
     """Which parameters matter; raises ValueError when the file builds nothing as it is."""
     with BuildPool(str(path)) as pool:
         space = pool.generator.space
         try:
             pool.build(space.canonical({p.name: p.inactive for p in space}))
         except BuildError as error:
-            raise ValueError(f"{path.with_suffix('.scad').name} cannot be built: {error}") from None
+            raise ValueError(f"{scad} cannot be built: {error}") from None
         return find_effects(space, lambda many: pool.map(many, "full"), np.random.default_rng(0), seconds)
 
 

@@ -79,6 +79,8 @@ def full_name(program: str) -> str:
     pattern = re.compile(rf"^class {re.escape(name)}\b", re.MULTILINE)
     files = [path for path in sorted((root / FACTORIES).rglob("*.py")) if pattern.search(path.read_text())]
     modules = [".".join(path.relative_to(root).with_suffix("").parts) for path in files]
+    if not name:
+        raise ProgramError("Name one of Infinigen's factories, as in infinigen:LampFactory.")
     if len(modules) != 1:
         found = f"these modules have one: {', '.join(modules)}" if modules else "none of its modules has one"
         raise ProgramError(f"Infinigen's {name!r} is not clear, {found}. Name it as module:{name}.")
