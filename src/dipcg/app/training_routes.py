@@ -170,8 +170,7 @@ def _proposed(name: str, entry: dict, values: dict[str, str], order: dict) -> Pr
     low, high = order["ranges"].get(name, (entry.get("low"), entry.get("high")))
     options: list[Value] = [False, True] if entry["kind"] == "boolean" else entry.get("options", [])
     texts = {key: entry.get(key, "") for key in ("unit", "doc", "why")}
-    state = {"held": name in order["hold"], "edited": name in order["ranges"]}
     return Proposed(
         name=name, kind=entry["kind"], value=values.get(name, ""), low=low, high=high, options=options,
-        **own, **texts, **state,
+        held=name in order["hold"], edited=name in order["ranges"], **own, **texts,
     )  # fmt: skip
