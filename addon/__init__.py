@@ -6,9 +6,9 @@ of the API.
 
 import bpy
 
-from . import operators, panel, session
+from . import learning, operators, panel, pictures, session
 
-CLASSES = (*session.CLASSES, *operators.CLASSES, *panel.CLASSES)
+CLASSES = (*session.CLASSES, *operators.CLASSES, *learning.CLASSES, *pictures.CLASSES, *panel.CLASSES)
 
 
 def register() -> None:
@@ -22,6 +22,9 @@ def register() -> None:
 def unregister() -> None:
     """Stop what runs, and take all of it back."""
     session.close()
+    if session.watching:
+        session.watching.stopped.set()
+        session.watching = None
     del bpy.types.WindowManager.dipcg
     for kind in reversed(CLASSES):
         bpy.utils.unregister_class(kind)

@@ -87,11 +87,17 @@ class Connect(Waiting, bpy.types.Operator):
 
     def begin(self, context: bpy.types.Context) -> Any:
         client = server.connect(session.address(context))
-        return lambda task: server.generators(client)
+        return partial(server.found, client=client, command=session.command(context))
 
-    def end(self, context: bpy.types.Context, found: list[dict]) -> str:
-        session.serve(context.window_manager.dipcg, context.object, found)
-        return "" if found else "The server serves no generator; start it as `dipcg serve NAME`."
+    def end(self, context: bpy.types.Context, found: tuple[list[dict], list[dict]]) -> str:
+        # The other module imports this one.
+        from . import learning
+
+        generators, trainings = found
+        session.serve(context.window_manager.dipcg, context.object, generators)
+        if training := session.training_of(context.object, trainings):
+            learning.watch(context, training)
+        return "" if generators else "The server serves no generator; start it as `dipcg serve NAME`."
 
 
 class Estimate(Waiting, bpy.types.Operator):
@@ -172,5 +178,10 @@ def _look_at(context: bpy.types.Context, obj: Any, candidate: dict) -> None:
 
 def _say(context: bpy.types.Context, sentence: str) -> None:
     context.window_manager.dipcg.status = sentence
+    redraw(context)
+
+
+def redraw(context: bpy.types.Context) -> None:
+    """Draw all areas anew."""
     for area in context.screen.areas if context.screen else ():
         area.tag_redraw()

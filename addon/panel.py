@@ -10,6 +10,8 @@ import bpy
 from . import inputs, session
 
 COLUMNS, ICON_SCALE = 2, 5.0
+# What the button for learning says, by the state of the training.
+LEARN = {"stopped": "Go On", "done": "Learn More"}
 
 
 class Panel:
@@ -25,7 +27,10 @@ class Estimating(Panel, bpy.types.Panel):
         layout, settings = self.layout, context.window_manager.dipcg
         layout.operator("dipcg.connect", icon="FILE_REFRESH")
         if session.is_connected():
-            layout.prop(settings, "picture")
+            row = layout.row(align=True)
+            row.prop(settings, "picture")
+            row.operator("dipcg.paste", text="", icon="PASTEDOWN")
+            row.operator("dipcg.render_view", text="", icon="RENDER_STILL")
             layout.prop(settings, "generator")
             layout.label(text=_what_for(context, settings))
             again = any(lock.held for lock in settings.locks)
@@ -62,7 +67,39 @@ class Parameters(Panel, bpy.types.Panel):
             _draw_row(self.layout.row(), settings.locks[parameter["name"]], modifier, parameter)
 
 
-CLASSES = (Estimating, Candidates, Parameters)
+class Learning(Panel, bpy.types.Panel):
+    bl_idname, bl_label, bl_options = "DIPCG_PT_learning", "Learn This Generator", {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return session.is_connected()
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, settings, training = self.layout, context.window_manager.dipcg, session.training
+        layout.operator("dipcg.propose")
+        if training is None:
+            return
+        column = layout.column(align=True)
+        for one in settings.ranges:
+            _draw_range(column, one)
+        row = layout.row(align=True)
+        row.prop(settings, "shapes")
+        row.prop(settings, "minutes")
+        layout.operator("dipcg.learn", text=LEARN.get(training["state"], "Learn This Generator"))
+        if session.watching:
+            layout.operator("dipcg.stop_learning")
+        _write_sentence(context, layout, settings.progress or training["error"] or "")
+
+
+CLASSES = (Estimating, Candidates, Parameters, Learning)
+
+
+def _draw_range(column: Any, one: Any) -> None:
+    row = column.row(align=True)
+    row.prop(one, "used", text=one.name.replace("_", " "))
+    if one.is_number and one.used:
+        row.prop(one, "low", text="")
+        row.prop(one, "high", text="")
 
 
 def _modifier(context: bpy.types.Context) -> Any:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import subprocess
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +17,9 @@ from .client import ApiError, Client
 LIMIT_S, LOOK_S = 20.0, 0.3
 HERE = ("127.0.0.1", "localhost", "::1")
 CANCELLED = "Cancelled."
+# The states of a training in which something is done, or will be, and the seconds until a server that starts answers.
+WORKING = ("waiting", "proposing", "learning", "stopping")
+START_S = 180.0
 
 
 @dataclass
@@ -58,6 +64,62 @@ def generators(client: Client) -> list[dict[str, Any]]:
     return [{key: g[key] for key in ("name", "label", "doc")} | _parameters(g) for g in client.generators()]
 
 
+def trainings(client: Client) -> list[dict[str, Any]]:
+    """The generators that are learned, with what the panel shows."""
+    return [_training(training) for training in client.trainings()]
+
+
+def found(task: Task, client: Client, command: list[str]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """The generators and the trainings of the server, which is started with `command` if nothing answers."""
+    try:
+        return generators(client), trainings(client)
+    except ApiError as error:
+        # Something that answers is another program, and stays.
+        if not command or "no answer" not in str(error):
+            raise
+    task.note = "Starting the server"
+    process = _start(command)
+    until = time.monotonic() + START_S
+    while time.monotonic() < until and process.poll() is None and not task.stopped.wait(LOOK_S):
+        with contextlib.suppress(ApiError):
+            return generators(client), trainings(client)
+    raise ApiError(f"The server does not start; try `{' '.join(command)}` in a terminal to see why.")
+
+
+def propose(task: Task, client: Client, source: bytes, file: str, object: str, modifier: str) -> dict[str, Any]:
+    """Send a Blender file, and wait for the proposed ranges."""
+    training = client.propose(source, file, object, modifier)["id"]
+    try:
+        return _succeeded(_settled(task, client, training))
+    except ApiError:
+        # Nobody would look at it again.
+        client.delete_training(training)
+        raise
+
+
+def learn(
+    task: Task, client: Client, training: str, ranges: dict[str, Any], hold: list[str], shapes: int, minutes: float
+) -> dict[str, Any]:
+    """Send the ranges if they are others than before, and begin or go on."""
+    before = client.training(training)
+    same = {p["name"]: [p["low"], p["high"]] for p in before["parameters"] if p["edited"]}
+    if ranges != same or hold != [p["name"] for p in before["parameters"] if p["held"]]:
+        client.set_ranges(training, ranges, hold)
+        _succeeded(_settled(task, client, training))
+    return _training(client.learn(training, shapes=shapes, minutes=minutes))
+
+
+def stop(task: Task, client: Client, training: str) -> dict[str, Any]:
+    """Stop a training, and wait until what is learned is kept."""
+    client.stop_training(training)
+    return _settled(task, client, training)
+
+
+def watch(task: Task, client: Client, training: str) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Follow a training; returns it at its end, with the generators that are served then."""
+    return _settled(task, client, training), generators(client)
+
+
 def estimate(task: Task, client: Client, picture: bytes, generator: str, fixed: dict[str, Any]) -> Estimated:
     """Send a picture and wait for its candidates."""
     uploaded = client.upload(picture)
@@ -77,6 +139,41 @@ def asset(task: Task, client: Client, generator: str, params: dict[str, Any]) ->
 def _parameters(generator: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
     wanted = ("name", "label", "part", "unit", "options", "input", "component")
     return {"parameters": [{key: p[key] for key in wanted} for p in generator["parameters"]]}
+
+
+def _training(training: dict[str, Any]) -> dict[str, Any]:
+    """What is needed of a training; KeyError, TypeError or ValueError when another program has answered."""
+    parameters = [
+        {key: p[key] for key in ("name", "low", "high", "why", "held", "edited")} for p in training["parameters"]
+    ]
+    texts = {key: str(training[key]) for key in ("id", "state", "object", "note")}
+    return texts | {"parameters": parameters, "share": float(training["share"]), "error": training["error"]}
+
+
+def _settled(task: Task, client: Client, training: str) -> dict[str, Any]:
+    """A training when nothing is done for it any more; ApiError when the task was stopped."""
+    while True:
+        now = _training(client.training(training))
+        task.note, task.share = now["note"] or now["state"].capitalize(), now["share"]
+        if now["state"] not in WORKING:
+            return now
+        if task.stopped.wait(LOOK_S):
+            raise ApiError(CANCELLED)
+
+
+def _succeeded(training: dict[str, Any]) -> dict[str, Any]:
+    if training["error"]:
+        raise ApiError(training["error"])
+    return training
+
+
+def _start(command: list[str]) -> subprocess.Popen:
+    """Start the server so that it goes on when Blender ends."""
+    nothing = subprocess.DEVNULL
+    try:
+        return subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing, start_new_session=True)
+    except OSError as error:
+        raise ApiError(f"{command[0]} cannot be started ({error.strerror}); correct it in the preferences.") from None
 
 
 def _finish(task: Task, client: Client, job: str) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import base64
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import bpy
 import bpy.utils.previews
@@ -18,12 +19,32 @@ estimated: Estimated | None = None
 # The names of the object and of its modifier that the estimate is for; None for a generator that ships.
 target: tuple[str, str] | None = None
 task: Task | None = None
+# The training of the active generator, and the thread that follows it.
+training: dict[str, Any] | None = None
+watching: Task | None = None
 
 
 class Lock(bpy.types.PropertyGroup):
     """Whether a parameter keeps its value in the next estimate."""
 
     held: bpy.props.BoolProperty(name="Lock", description="Keep this value in the next estimate")
+
+
+class Range(bpy.types.PropertyGroup):
+    """The range of a parameter that is learned; `proposed` is as the server has it."""
+
+    is_number: bpy.props.BoolProperty()
+    used: bpy.props.BoolProperty(name="Learn", description="Learn this input; otherwise it stays as in the file")
+    low: bpy.props.FloatProperty(name="Lowest", precision=4)
+    high: bpy.props.FloatProperty(name="Highest", precision=4)
+    proposed: bpy.props.FloatVectorProperty(size=2)
+    is_edited: bpy.props.BoolProperty()
+    why: bpy.props.StringProperty()
+
+    @property
+    def differs(self) -> bool:
+        """Whether it was edited since the server last said what it has."""
+        return (self.low, self.high) != tuple(self.proposed)
 
 
 class Settings(bpy.types.PropertyGroup):
@@ -38,6 +59,19 @@ class Settings(bpy.types.PropertyGroup):
     )
     locks: bpy.props.CollectionProperty(type=Lock)
     status: bpy.props.StringProperty()
+    ranges: bpy.props.CollectionProperty(type=Range)
+    shapes: bpy.props.IntProperty(name="Shapes", description="How many are built to learn from", default=3000, min=40)
+    minutes: bpy.props.IntProperty(name="Minutes", description="How long is trained", default=30, min=1)
+    progress: bpy.props.StringProperty()
+
+    def edited_ranges(self) -> dict[str, list[float]]:
+        """The ranges that differ from the proposed ones, by parameter."""
+        used = [one for one in self.ranges if one.is_number and one.used]
+        return {one.name: [_short(one.low), _short(one.high)] for one in used if one.is_edited or one.differs}
+
+    def held(self) -> list[str]:
+        """The parameters that stay as in the file."""
+        return [one.name for one in self.ranges if not one.used]
 
     def fill_locks(self) -> None:
         self.locks.clear()
@@ -53,16 +87,57 @@ class Preferences(bpy.types.AddonPreferences):
         name="Server", description="Where `dipcg serve` runs on this machine", default="http://127.0.0.1:7860"
     )
 
+    program: bpy.props.StringProperty(
+        name="Program",
+        description="The program dipcg, such as /home/me/dipcg/.venv/bin/dipcg, to start the server when none runs",
+        subtype="FILE_PATH",
+    )
+    folder: bpy.props.StringProperty(
+        name="Generators",
+        description="Where a server that is started keeps the generators that it learns",
+        subtype="DIR_PATH",
+        default=str(Path.home() / "dipcg-generators"),
+    )
+
     def draw(self, context: bpy.types.Context) -> None:
-        self.layout.prop(self, "address")
+        for name in ("address", "program", "folder"):
+            self.layout.prop(self, name)
 
 
-CLASSES = (Lock, Settings, Preferences)
+CLASSES = (Lock, Range, Settings, Preferences)
 
 
 def address(context: bpy.types.Context) -> str:
     """The address of the server."""
     return context.preferences.addons[__package__].preferences.address
+
+
+def command(context: bpy.types.Context) -> list[str]:
+    """What starts the server, from the preferences; empty without a program."""
+    chosen = context.preferences.addons[__package__].preferences
+    if not chosen.program:
+        return []
+    folder, port = bpy.path.abspath(chosen.folder), str(urlsplit(chosen.address).port or 80)
+    return [bpy.path.abspath(chosen.program), "serve", "--port", port, "--learn", folder]
+
+
+def take_training(settings: Settings, found: dict[str, Any] | None) -> None:
+    """Show a training and its ranges."""
+    global training
+    training = found
+    settings.ranges.clear()
+    for p in found["parameters"] if found else ():
+        one = settings.ranges.add()
+        one.name, one.used, one.why, one.is_edited = p["name"], not p["held"], p["why"], p["edited"]
+        one.is_number = p["low"] is not None
+        if one.is_number:
+            one.low, one.high = p["low"], p["high"]
+            one.proposed = (one.low, one.high)
+
+
+def training_of(obj: Any, trainings: list[dict[str, Any]]) -> dict[str, Any] | None:
+    """The newest training of an object."""
+    return next((one for one in reversed(trainings) if obj and one["object"] == obj.name and one["parameters"]), None)
 
 
 def serve(settings: Settings, obj: Any, generators: list[dict[str, Any]]) -> None:
@@ -138,6 +213,11 @@ def temporary(name: str, content: bytes) -> str:
     path = Path(bpy.app.tempdir) / f"dipcg_{name}"
     path.write_bytes(content)
     return str(path)
+
+
+def _short(number: float) -> float:
+    """A number of Blender's single precision without the digits that it does not have."""
+    return float(f"{number:.6g}")
 
 
 def close() -> None:

@@ -55,6 +55,6 @@ def dying(real: str, request: BaseHTTPRequestHandler) -> bytes | None:
     """As ours, until it is asked how far the job is."""
     if "/jobs/" in request.path:
         return None
-    if request.path.endswith("/generators"):
-        return Client(real).send("GET", "/generators")
+    if request.path.endswith(("/generators", "/trainings")):
+        return Client(real).send("GET", request.path.removeprefix("/api/v1"))
     return b'{"id": "picture", "job": "job"}'

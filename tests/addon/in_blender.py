@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -91,8 +92,8 @@ def shown() -> list[str]:
     """The texts of all panels."""
     texts = []
     for panel in sys.modules[f"{MODULE}.panel"].CLASSES:
-        assert not hasattr(panel, "poll") or panel.poll(bpy.context)
-        panel.draw(SimpleNamespace(layout=Layout(texts)), bpy.context)
+        if not hasattr(panel, "poll") or panel.poll(bpy.context):
+            panel.draw(SimpleNamespace(layout=Layout(texts)), bpy.context)
     return texts
 
 
@@ -174,6 +175,76 @@ def failing(cases: list) -> dict:
     found = {"sentences": sentences, "status": statuses, "can go on": ready, "changed": values() != before}
     bpy.ops.preferences.addon_disable(module=MODULE)
     return found | {"left": hasattr(bpy.types.WindowManager, "dipcg")}
+
+
+def learned(address: str, blend: str, name: str, ranges: dict, hold: list) -> dict:
+    """Propose, edit, learn, stop, go on, and connect anew; what the panel says, and the values in the meantime."""
+    opened(address, blend)
+    bpy.context.view_layer.objects.active = bpy.data.objects[name]
+    bpy.ops.dipcg.connect()
+    bpy.ops.dipcg.propose()
+    session = sys.modules[f"{MODULE}.session"]
+    proposed = {one.name: [one.low, one.high] if one.is_number else None for one in settings().ranges}
+    for one in settings().ranges:
+        one.used = one.name not in hold
+        if one.name in ranges:
+            one.low, one.high = ranges[one.name]
+    bpy.ops.dipcg.learn()
+    notes = followed(lambda: "Step 3" in settings().progress)
+    texts = shown()
+    bpy.ops.dipcg.stop_learning()
+    stopped, session.training = session.training, None
+    followed(lambda: False)
+    bpy.ops.dipcg.connect()
+    found = session.training
+    bpy.ops.dipcg.learn()
+    notes += followed(lambda: False)
+    return {
+        "proposed": proposed,
+        "notes": notes,
+        "texts": texts,
+        "stopped": stopped,
+        "found": found,
+        "done": session.training,
+        "status": settings().status,
+        "generator": settings().generator,
+        "modifier": session.find_modifier(bpy.context.object, session.chosen(settings())) is not None,
+    }
+
+
+def followed(enough) -> list[str]:
+    """Do what the timer does, since there is none in the background, and note what the panel says."""
+    learning, notes = sys.modules[f"{MODULE}.learning"], []
+    while learning.look() is not None and not enough():
+        notes.append(settings().progress)
+        time.sleep(0.1)
+    return notes
+
+
+def dying(address: str) -> dict:
+    """The server of a training is gone: what the panel says, and whether another can be asked for."""
+    opened(address)
+    learning, session = (sys.modules[f"{MODULE}.{name}"] for name in ("learning", "session"))
+    training = {"id": "gone", "state": "learning", "object": "Lamp", "parameters": [], "error": None}
+    learning.watch(bpy.context, training)
+    followed(lambda: False)
+    return {"status": settings().status, "can go on": bpy.ops.dipcg.connect.poll(), "watching": bool(session.watching)}
+
+
+def started(port: int, program: str, folder: str) -> dict:
+    """Connect where no server runs: it is started by the program of the preferences."""
+    opened(f"http://127.0.0.1:{port}")
+    chosen = bpy.context.preferences.addons[MODULE].preferences
+    before = said(bpy.ops.dipcg.connect)
+    chosen.program, chosen.folder = "/nowhere/dipcg", folder
+    wrong = said(bpy.ops.dipcg.connect)
+    chosen.program = program
+    bpy.ops.dipcg.connect()
+    return {
+        "before": before,
+        "wrong": wrong,
+        "generators": [item[0] for item in sys.modules[f"{MODULE}.session"]._items],
+    }
 
 
 def stopping(address: str) -> dict:

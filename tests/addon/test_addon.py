@@ -14,11 +14,15 @@ from io import BytesIO
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
+from attacking import free_port
 from PIL import Image
-from stand_ins import dying, other_api, page, standing_in
+from serving import box_checkpoint, serving
+from stand_ins import broken, dying, other_api, page, standing_in
 
 import dipcg
+from dipcg.app import trainings
 from dipcg.app.studio import Studio
 from dipcg.camera import View
 from dipcg.cli.addon import packed
@@ -32,6 +36,11 @@ HERE = Path(__file__).parent
 LAMP = str(HERE.parents[1] / "examples" / "lamp.toml")
 SPACE = load_generator(LAMP).space
 
+# Blender 4.2 is in our own environment. `make newer-blender` installs a newer one.
+NEWER = os.environ.get("DIPCG_NEWER_BLENDER", str(HERE.parents[1] / ".newer-blender" / "bin" / "python"))
+PYTHONS = [pytest.param(sys.executable, id="4.2"), pytest.param(NEWER, id="newer")]
+STRANGERS, TREE = HERE.parents[2] / "shared" / "blends", "Ico Tree"
+
 pytestmark = [pytest.mark.blender, pytest.mark.skipif(find_spec("bpy") is None, reason="bpy not installed")]
 
 
@@ -43,12 +52,14 @@ def extensions(tmp_path_factory) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
-def blender(extensions) -> Callable[..., dict]:
-    """Runs a case of in_blender.py."""
+@pytest.fixture(scope="module", params=PYTHONS)
+def blender(request, extensions) -> Callable[..., dict]:
+    """Runs a case of in_blender.py in Blender 4.2, and in a newer one where there is one."""
+    if not Path(request.param).exists():
+        pytest.skip("no newer Blender; `make newer-blender` installs one")
 
     def run(case: str, **options: object) -> dict:
-        words = [sys.executable, str(HERE / "in_blender.py"), case, json.dumps(options)]
+        words = [request.param, str(HERE / "in_blender.py"), case, json.dumps(options)]
         environment = os.environ | {"BLENDER_USER_EXTENSIONS": str(extensions)}
         done = subprocess.run(words, capture_output=True, text=True, env=environment, timeout=300)
         assert done.returncode == 0, done.stdout + done.stderr
@@ -73,8 +84,6 @@ def lamp_picture(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def lamp_server(tmp_path_factory) -> Iterator[str]:
     """A server over the lamp, whose estimator is untrained."""
-    from serving import box_checkpoint, serving
-
     checkpoint = box_checkpoint(tmp_path_factory.mktemp("checkpoint"), LAMP)
     with Studio([checkpoint], workers=1) as studio, serving(studio, tmp_path_factory.mktemp("served")) as address:
         yield address
@@ -161,6 +170,63 @@ def test_the_panels_show_every_candidate_and_every_parameter(clicked) -> None:
     assert clicked["thumbnails"] == [[256, 256]] * len(agreements)
 
 
+# Learning
+
+
+@pytest.fixture
+def learning(tmp_path, monkeypatch) -> Iterator[str]:
+    """A server that learns, with a training that takes seconds, over the toy."""
+    monkeypatch.setattr(trainings, "PROGRAM", "learning_stand_in")
+    monkeypatch.setenv("PYTHONPATH", str(HERE.parent))
+    served, learned = tmp_path / "served", tmp_path / "learned"
+    with Studio([box_checkpoint(tmp_path / "box")], workers=1) as studio, serving(studio, served, learn=learned) as url:
+        yield url
+
+
+def check_learned(found: dict, name: str) -> None:
+    """It was stopped, found again, and ended; the panel then estimates with it for the active modifier."""
+    assert found["stopped"]["state"] == "stopped"
+    assert found["found"]["id"] == found["stopped"]["id"] == found["done"]["id"]
+    assert found["done"]["state"] == "done"
+    assert any("Step" in note for note in found["notes"])
+    assert "Learn This Generator" in found["texts"]
+    assert (found["status"], found["generator"], found["modifier"]) == ("Learned. Now estimate.", name, True)
+
+
+def test_a_modifier_is_learned_stopped_and_found_again(blender, learning) -> None:
+    options = {"ranges": {"height": [0.3, 0.6]}, "hold": ["finial"]}
+    found = blender("learned", address=learning, blend=str(Path(LAMP).with_suffix(".blend")), name="Lamp", **options)
+    check_learned(found, "lamp")
+    assert found["proposed"]["height"] == pytest.approx([0.2, 0.8])
+    assert found["proposed"]["shade"] is None
+    done = {p["name"]: p for p in found["done"]["parameters"]}
+    assert [done["height"]["low"], done["height"]["high"]] == [0.3, 0.6]
+    assert [name for name, p in done.items() if p["held"]] == ["finial"]
+
+
+@pytest.mark.skipif(not STRANGERS.is_dir(), reason="../shared/blends is not there")
+def test_a_strangers_modifier_is_learned(blender, learning) -> None:
+    path = STRANGERS / "low_poly_tree.blend"
+    found = blender("learned", address=learning, blend=str(path), name=TREE, ranges={}, hold=[])
+    check_learned(found, "ico_tree")
+
+
+def test_the_server_is_started_from_the_preferences(blender, tmp_path) -> None:
+    port, program = free_port(), tmp_path / "dipcg"
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m dipcg.cli "$@" {tmp_path}/box-checkpoint\n')
+    program.chmod(0o755)
+    (tmp_path / "box-checkpoint").symlink_to(box_checkpoint(tmp_path / "made"))
+    try:
+        found = blender("started", port=port, program=str(program), folder=str(tmp_path / "learned"))
+    finally:
+        for process in psutil.process_iter(["cmdline"]):
+            if str(tmp_path / "learned") in (process.info["cmdline"] or ()):
+                process.terminate()
+    assert "There is no answer" in found["before"]
+    assert "/nowhere/dipcg cannot be started" in found["wrong"]
+    assert found["generators"] == ["box"]
+
+
 # What goes wrong
 
 
@@ -188,6 +254,13 @@ def test_whatever_goes_wrong_is_a_sentence_and_blender_goes_on(blender, lamp_ser
     assert all(found["can go on"])
     assert found["changed"] is False
     assert found["left"] is False
+
+
+def test_a_server_that_dies_in_a_training_is_a_sentence(blender) -> None:
+    with standing_in(broken) as address:
+        found = blender("dying", address=address)
+    assert "There is no answer" in found["status"]
+    assert (found["can go on"], found["watching"]) == (True, False)
 
 
 def test_switching_off_stops_what_runs(blender, lamp_server) -> None:
