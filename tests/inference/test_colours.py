@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 
 from dipcg.camera import View
 from dipcg.images import MARGIN
 from dipcg.inference.colours import photo_colours, with_colours
 from dipcg.materials import check_colours, coloured, finishes, part_colours
+from dipcg.mesh import join
 from dipcg.parameter_file import document_from_json
 from dipcg.render import Look, Renderer
 from dipcg.render.studio import draw
@@ -30,6 +32,24 @@ def photo(asset):
 def test_each_part_gets_the_colour_that_the_photo_shows_there(asset, photo):
     found = photo_colours(photo[0], asset.mesh, VIEW)
     np.testing.assert_allclose([found[part] for part in asset.mesh.part_names], photo[1], atol=0.02)
+
+
+def test_a_thin_part_beside_its_picture_has_no_colour_of_its_own():
+    """A bar of which the photograph shows the ground, and the legs that it belongs to."""
+    blocks = {"leg": [0.1, 0.1, 1.0], "bar": [0.9, 0.02, 0.02], "seat": [1.0, 1.0, 0.2]}
+    places = {"leg": [0, 0, 0], "bar": [0.5, 0, 0], "seat": [0.2, 0, 0.7]}
+    solids = [trimesh.creation.box(size) for size in blocks.values()]
+    moved = [(part, box.vertices + places[part], box.faces) for part, box in zip(blocks, solids, strict=True)]
+    mesh, wood, red = join(moved), (0.6, 0.4, 0.2), (0.8, 0.1, 0.1)
+    shown = {"leg": wood, "bar": (1.0, 1.0, 1.0), "seat": red}
+    renderer, look = Renderer(256), np.array([shown[part] for part in mesh.part_names])
+    picture = renderer.render(mesh, VIEW, Look(look, strengths=np.zeros(2), ambient=1.0), MARGIN)
+    renderer.close()
+    found = photo_colours(picture, mesh, VIEW, "chair")
+    assert set(found) == {"leg", "seat"}
+    np.testing.assert_allclose(found["leg"], wood, atol=0.02)
+    # Parts of which nobody knows what they are made of are no kin.
+    assert set(photo_colours(picture, mesh, VIEW, "")) == {"leg", "bar", "seat"}
 
 
 def test_a_part_that_is_not_seen_has_no_colour_of_its_own(asset, photo):
