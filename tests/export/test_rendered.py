@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from garden import garden
+from garden import COPIES, garden
 
 from dipcg.generators import load_generator
 from dipcg.images import load_image
@@ -66,5 +66,24 @@ scene.cycles.max_bounces = 0
 scene.render.resolution_x = scene.render.resolution_y = 192
 scene.view_settings.view_transform, scene.render.filepath = "Standard", target
 bpy.ops.render.render(write_still=True)
+os._exit(0)
+"""
+
+
+@needs_blender
+@pytest.mark.blender
+def test_blender_reads_instances_for_the_graphics_card(tmp_path):
+    path = garden().export(tmp_path / "garden.glb", gpu_instancing=True)
+    done = subprocess.run([sys.executable, "-c", COUNT, path], capture_output=True, text=True, check=False)
+    assert done.stdout.splitlines()[-1:] == [str(1 + COPIES)], done.stderr
+
+
+COUNT = """
+import os, sys
+import bpy
+
+bpy.ops.wm.read_factory_settings(use_empty=True)
+bpy.ops.import_scene.gltf(filepath=sys.argv[1])
+print(sum(one.type == "MESH" for one in bpy.data.objects), flush=True)
 os._exit(0)
 """
