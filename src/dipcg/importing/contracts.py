@@ -156,8 +156,12 @@ def _wrong_conditions(trials: Trials, space: ParameterSpace, rng: np.random.Gene
         for other, allowed in p.when.items():
             excluded = [option for option in options_of(space, other) if option not in allowed]
             starts = [activated(space, p.name, rng) | {other: option} for option in excluded]
-            plain = trials.meshes(starts)
-            changed = trials.meshes(start | {p.name: far_value(p, start[p.name], rng)} for start in starts)
-            pairs = zip(plain, changed, strict=True)
-            if any(isinstance(a, Mesh) and isinstance(b, Mesh) and moved(a, b) for a, b in pairs):
+            changed = [start | {p.name: far_value(p, start[p.name], rng)} for start in starts]
+            # Once in some hundred builds Blender drops a few tiny faces by chance, so one difference proves nothing.
+            if all(_changes(trials, starts, changed) for _ in range(2)):
                 yield p.name, other
+
+
+def _changes(trials: Trials, starts: list[Params], changed: list[Params]) -> bool:
+    pairs = zip(trials.meshes(starts), trials.meshes(changed), strict=True)
+    return any(isinstance(a, Mesh) and isinstance(b, Mesh) and moved(a, b) > 0 for a, b in pairs)
