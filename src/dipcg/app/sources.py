@@ -9,7 +9,7 @@ from dipcg.importing.header import saved_by
 
 # Strings and comments of OpenSCAD, which are passed over, and the words that read other files of the machine.
 OPENSCAD = re.compile(
-    r'"(?:\\.|[^"\\])*"|//[^\n]*|/\*.*?\*/|\b(?P<word>include|use|import\w*|surface|dxf_\w+|dxf_dim)\b', re.DOTALL
+    r'"(?:\\.|[^"\\])*"|//[^\n]*|/\*.*?\*/|\b(?P<word>include|use|import\w*|surface|dxf_\w+)\b', re.DOTALL
 )
 
 

@@ -145,7 +145,7 @@ def _answer(training: Training, every: Trainings) -> TrainingAnswer:
         state=every.state(training),
         **{key: order[key] for key in ("object", "modifier", "shapes", "minutes")},
         **{key: status[key] for key in ("share", "note", "error") if key in status} or {"share": 0.0, "note": ""},
-        parameters=_parameters(training, found.get("values", {})),
+        parameters=_parameters(training, order, found.get("values", {})),
         left_out=found.get("left_out", {}),
         notes=found.get("notes", []),
         samples=[f"/api/v1/trainings/{training.id}/samples/{_versioned(path)}" for path in pictures],
@@ -157,9 +157,9 @@ def _versioned(path: Path) -> str:
     return f"{path.stem}?at={path.stat().st_mtime_ns}"
 
 
-def _parameters(training: Training, values: dict[str, str]) -> list[Proposed]:
+def _parameters(training: Training, order: dict, values: dict[str, str]) -> list[Proposed]:
     """What was proposed, with the edits."""
-    proposed, order = training.folder / "proposed.toml", training.order
+    proposed = training.folder / "proposed.toml"
     if not proposed.is_file() or not values:
         return []
     return [_proposed(name, entry, values, order) for name, entry in read_parameters(proposed).items()]

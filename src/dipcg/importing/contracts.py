@@ -95,7 +95,8 @@ def _purity(ref: str, built: Built) -> Iterator[Finding]:
         )
 
 
-def _differ(a: Mesh | BuildError, b: Mesh | BuildError) -> bool:
+def _differ(a: object, b: object) -> bool:
+    """Whether both are meshes, and of different surfaces."""
     return isinstance(a, Mesh) and isinstance(b, Mesh) and moved(a, b) > 0
 
 
@@ -163,5 +164,4 @@ def _wrong_conditions(trials: Trials, space: ParameterSpace, rng: np.random.Gene
 
 
 def _changes(trials: Trials, starts: list[Params], changed: list[Params]) -> bool:
-    pairs = zip(trials.meshes(starts), trials.meshes(changed), strict=True)
-    return any(isinstance(a, Mesh) and isinstance(b, Mesh) and moved(a, b) > 0 for a, b in pairs)
+    return any(map(_differ, trials.meshes(starts), trials.meshes(changed)))

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dipcg.blender.declaration import write_declaration
+from dipcg.files import write_file
 from dipcg.importing.limits import NUMBERS
 from dipcg.openscad.declaration import write_scad
 from dipcg.space import did_you_mean
@@ -49,7 +50,7 @@ def write_edited(path: Path, proposed: Path, entries: Mapping[str, Entry]) -> No
     top = tomllib.loads(proposed.read_text(encoding="utf-8"))
     del top["parameters"]
     writer = next((write for key, write in _WRITERS.items() if key in top), write_declaration)
-    path.write_text(writer(top, entries, path), encoding="utf-8")
+    write_file(path, writer(top, entries, path))
 
 
 def _ranged(name: str, entry: Entry, wanted: Range | None) -> Entry:

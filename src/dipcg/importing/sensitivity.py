@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dipcg.importing.effects import Conditions, above
+from dipcg.importing.effects import Conditions, above, choices, random_option, random_params
 from dipcg.importing.surfaces import moved
 from dipcg.mesh import Mesh
 from dipcg.space import Choice, ParameterSpace, Params, Real, Value
@@ -76,26 +76,25 @@ def find_effects(space: ParameterSpace, build: Build, rng: np.random.Generator, 
 
 def covering(space: ParameterSpace, rng: np.random.Generator) -> list[Params]:
     """Random parameters which together have every option of every choice that the others leave active."""
-    choices = [p for p in space if isinstance(p, Choice)]
-    count = min(max([FEWEST, *(len(c.options) for c in choices)]), MOST)
-    orders = {c.name: rng.permutation(max(count, len(c.options))) for c in choices}
+    every = choices(space)
+    count = min(max([FEWEST, *(len(c.options) for c in every)]), MOST)
+    orders = {c.name: rng.permutation(max(count, len(c.options))) for c in every}
     starts = []
     for i in range(count):
-        params = {p.name: p.decode(rng.uniform(-1, 1)) for p in space}
-        params |= {c.name: c.options[orders[c.name][i] % len(c.options)] for c in choices}
-        starts.append(space.canonical(params))
+        options = {c.name: c.options[orders[c.name][i] % len(c.options)] for c in every}
+        starts.append(space.canonical(random_params(space, rng) | options))
     return starts
 
 
 def activated(space: ParameterSpace, name: str, rng: np.random.Generator, start: Params | None = None) -> Params:
     """Random parameters, or those of `start`, with choices changed so that `name` is active."""
-    params = {p.name: p.decode(rng.uniform(-1, 1)) for p in space} if start is None else dict(start)
+    params = random_params(space, rng) if start is None else dict(start)
     waiting = [name]
     while waiting:
         for other, allowed in space[waiting.pop()].when.items():
             waiting.append(other)
             if params[other] not in allowed:
-                params[other] = allowed[rng.integers(len(allowed))]
+                params[other] = random_option(allowed, rng)
     return space.canonical(params)
 
 
@@ -103,8 +102,7 @@ def far_value(parameter: Real | Choice, value: Value, rng: np.random.Generator) 
     """The farther end of a real parameter's range, or another option of a choice."""
     if isinstance(parameter, Real):
         return parameter.low if parameter.encode(value) > 0 else parameter.high
-    others = [option for option in parameter.options if option != value]
-    return others[rng.integers(len(others))]
+    return random_option([option for option in parameter.options if option != value], rng)
 
 
 def options_of(space: ParameterSpace, choice: str) -> tuple[Value, ...]:
@@ -179,7 +177,7 @@ def _active(space: ParameterSpace, name: str, starts: list[Params], rng: np.rand
 
 def _doubtful(space: ParameterSpace, found: Effects) -> list[tuple[str, str, Value]]:
     """A parameter, a choice and an option under which it was never seen to matter, as far as that is not settled."""
-    few = [p for p in space if isinstance(p, Choice) and len(p.options) <= MOST]
+    few = [choice for choice in choices(space) if len(choice.options) <= MOST]
     every = [(name, choice.name, option) for name in found.moved_from for choice in few for option in choice.options]
     return [
         (name, choice, option)
@@ -197,8 +195,7 @@ def _under(
     """A trial from where a parameter mattered, with the option in place; None where they do not go together."""
     mattered = found.moved_from[name][rng.integers(len(found.moved_from[name]))]
     kept = {other: value for other, value in mattered.items() if space.is_active(other, mattered)}
-    drawn = {p.name: p.decode(rng.uniform(-1, 1)) for p in space}
-    start = space.canonical(drawn | kept | {choice: option})
+    start = space.canonical(random_params(space, rng) | kept | {choice: option})
     if not (space.is_active(name, start) and space.is_active(choice, start)):
         return None
     trial = _trial(space, name, start, rng)
@@ -206,4 +203,4 @@ def _under(
 
 
 def _options(space: ParameterSpace, params: Params) -> list[Option]:
-    return [(p.name, params[p.name]) for p in space if isinstance(p, Choice) and space.is_active(p.name, params)]
+    return [(choice.name, params[choice.name]) for choice in choices(space) if space.is_active(choice.name, params)]
