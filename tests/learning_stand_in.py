@@ -1,5 +1,6 @@
 """`dipcg.cli.learn` whose training takes seconds: it counts steps in a file, and ends with an untrained network."""
 
+import os
 import sys
 import time
 from pathlib import Path
@@ -8,7 +9,7 @@ from serving import box_checkpoint
 
 from dipcg.cli import learn
 
-STEPS, STEP_S = 12, 0.25
+STEPS, STEP_S = 12, float(os.environ.get("LEARNING_STEP_S", "0.25"))
 
 
 def count(folder: Path, order: learn.Order, report: learn.Status) -> None:

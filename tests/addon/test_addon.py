@@ -178,6 +178,8 @@ def learning(tmp_path, monkeypatch) -> Iterator[str]:
     """A server that learns, with a training that takes seconds, over the toy."""
     monkeypatch.setattr(trainings, "PROGRAM", "learning_stand_in")
     monkeypatch.setenv("PYTHONPATH", str(HERE.parent))
+    # It must still be training when it is stopped, also on a busy machine.
+    monkeypatch.setenv("LEARNING_STEP_S", "0.5")
     served, learned = tmp_path / "served", tmp_path / "learned"
     with Studio([box_checkpoint(tmp_path / "box")], workers=1) as studio, serving(studio, served, learn=learned) as url:
         yield url
