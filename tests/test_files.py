@@ -62,6 +62,7 @@ WRITERS = {
 BLENDER = pytest.param("asset.blend", marks=pytest.mark.blender)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [BLENDER if name == "asset.blend" else name for name in WRITERS])
 def test_a_full_disk_leaves_the_file_that_was_there(name, tmp_path, asset):
     path = tmp_path / "out" / name

@@ -23,6 +23,7 @@ def client(address) -> Client:
     return Client(address, timeout_s=60.0)
 
 
+@pytest.mark.slow
 def test_a_program_gets_what_python_gets(client, studio, picture):
     found = client.estimate(picture, generator="box", candidates=2, fixed={"width": 0.4})
     expected = estimate(picture, studio.inverters, ORDERED)
@@ -33,6 +34,7 @@ def test_a_program_gets_what_python_gets(client, studio, picture):
     assert Image.open(io.BytesIO(client.picture(found["picture"]))).mode == "RGBA"
 
 
+@pytest.mark.slow
 def test_the_unranked_estimate_comes_first_and_more_candidates_follow(client, picture):
     seen: list = []
     last = client.estimate(picture, report=seen.append, candidates=8, seed=1)
@@ -162,6 +164,7 @@ def test_what_is_asked_wrongly_is_answered_in_a_sentence(client, path, body, sta
     assert (error.value.status, str(error.value)[-1] in ".?") == (status, True)
 
 
+@pytest.mark.slow
 def test_unusable_words_fail_the_job_with_a_sentence(client):
     pytest.importorskip("transformers")
     with pytest.raises(ApiError, match="The text"):

@@ -85,6 +85,7 @@ def finished(client: Client, accepted: Any) -> Any:
     return None
 
 
+@pytest.mark.slow
 @FEW
 @given(body=bodies(EstimateRequest))
 def test_estimates(client, picture_id, body):

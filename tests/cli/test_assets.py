@@ -47,6 +47,7 @@ def write_ball(folder: Path) -> Path:
     return folder / "ball.py"
 
 
+@pytest.mark.slow
 def test_fewer_faces_are_written_when_asked_for(tmp_path):
     ball = write_ball(tmp_path)
     assert run("sample", ball, "-o", "full.stl") == run("sample", ball, "-o", "small.stl", "--faces", 300) == 0
@@ -67,6 +68,7 @@ def test_what_cannot_be_written_so_is_refused(capsys, tmp_path, words, expected)
     assert not Path("a.stl").exists()
 
 
+@pytest.mark.slow
 def test_levels_of_detail_and_hulls_are_written_and_nothing_is_lost_for_them(capsys, tmp_path):
     ball = write_ball(tmp_path)
     assert run("sample", ball, "-o", "a.glb", "--lods", 2, "--collision", "unreal") == 0
@@ -81,6 +83,7 @@ def test_levels_of_detail_and_hulls_are_written_and_nothing_is_lost_for_them(cap
     assert "c_LOD1.glb would be overwritten" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_failed_build_is_printed_with_what_edit_needs_to_repeat_it(capsys, tmp_path):
     text = write_ball(tmp_path).read_text().replace("return trimesh", "raise ValueError('too round') or trimesh")
     Path("ball.py").write_text(text)
@@ -92,6 +95,7 @@ def test_a_failed_build_is_printed_with_what_edit_needs_to_repeat_it(capsys, tmp
     assert capsys.readouterr().err == printed
 
 
+@pytest.mark.slow
 def test_an_edit_is_drawn_before_and_after_on_one_scale(tmp_path):
     ball = write_ball(tmp_path)
     run("sample", ball, "-o", "a.stl", "--params-out", "a.json", "--set", "r=1")
@@ -103,6 +107,7 @@ def test_an_edit_is_drawn_before_and_after_on_one_scale(tmp_path):
     assert after / before == pytest.approx(4, rel=0.05), "twice the radius, four times the picture"
 
 
+@pytest.mark.slow
 def test_an_edit_keeps_the_colours_of_the_photo(untrained):
     pixels = np.full((48, 48, 3), 255, np.uint8)
     pixels[12:36, 14:34] = [200, 20, 20]

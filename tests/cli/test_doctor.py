@@ -74,6 +74,7 @@ def test_the_makefile_installs_all_packages_of_the_doctor() -> None:
         assert re.search(rf"\b{re.escape(package)}\b", makefile), f"{package} is not in the Makefile"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("apt-cache") is None, reason="needs Debian's package lists")
 def test_debian_knows_the_packages() -> None:
     known = subprocess.run(["apt-cache", "pkgnames"], capture_output=True, text=True).stdout.split()

@@ -110,6 +110,7 @@ def test_decoding_inverts_encoding(generator):
         assert generator.space.decode(generator.space.encode(params)) == pytest.approx(params, abs=1e-12)
 
 
+@pytest.mark.slow
 @declared
 def test_every_parameter_is_sometimes_active_and_every_conditional_one_sometimes_inactive(generator):
     rng = np.random.default_rng(0)
@@ -180,6 +181,7 @@ def test_a_mirror_image_is_the_asset_of_the_mirrored_parameters(pool, samples):
         assert chamfer.measure(a * np.array([-1, 1, 1]), b) < 1.1 * chamfer.measure(a, again) + 0.001, params
 
 
+@pytest.mark.slow
 def test_inactive_values_never_change_the_mesh(pool):
     rng = np.random.default_rng(1)
     space = pool.generator.space
@@ -190,6 +192,7 @@ def test_inactive_values_never_change_the_mesh(pool):
         assert same(a, b), params
 
 
+@pytest.mark.slow
 def test_under_each_option_every_active_parameter_changes_the_mesh(pool):
     rng = np.random.default_rng(2)
     space = pool.generator.space

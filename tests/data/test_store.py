@@ -24,6 +24,8 @@ from dipcg.registry import allow_code
 from dipcg.workers.pool import BuildPool
 from dipcg.workers.process import BuildError
 
+pytestmark = pytest.mark.slow
+
 SHARD = 4
 
 

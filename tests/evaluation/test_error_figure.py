@@ -27,6 +27,7 @@ def test_errors_are_counted_where_a_parameter_is_active_and_worst_first():
     assert found["width"][1:] == pytest.approx((0.1, 1.0, 4))
 
 
+@pytest.mark.slow
 def test_a_random_answer_errs_as_uniform_draws_do():
     """Two uniform reals are 2/3 apart in x, and the middle is 1/2 away."""
     drawn = [BOX.sample(np.random.default_rng(seed)) for seed in range(1200)]

@@ -85,6 +85,7 @@ def test_a_file_without_a_mesh_is_told(tmp_path):
         read_mesh(tmp_path / "a.obj")
 
 
+@pytest.mark.slow
 def test_the_true_meshes_measure_like_the_noise_floor_and_a_missing_one_as_the_worst(data, tmp_path):
     cases = list(split_cases(data, 3))
     for case in cases[:2]:
@@ -101,6 +102,7 @@ def test_the_true_meshes_measure_like_the_noise_floor_and_a_missing_one_as_the_w
         measure_meshes(cases, tmp_path / "none", ["chamfer"])
 
 
+@pytest.mark.slow
 def test_the_command_writes_pictures_and_measures_what_was_made_of_them(data, tmp_path):
     words = ["evaluate", "box", "--data", str(data), "--count", "2"]
     main([*words, "--pictures", str(tmp_path / "pictures")])

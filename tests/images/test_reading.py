@@ -208,6 +208,7 @@ print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["grey of 16 bits", "palette"])
 def test_the_largest_pictures_need_little_more_memory_than_their_pixels(kind, tmp_path):
     large = np.zeros((8000, 8000), np.uint16 if kind == "grey of 16 bits" else np.uint8)

@@ -8,6 +8,8 @@ from dipcg.cli import main
 from dipcg.importing.contracts import check
 from dipcg.registry import allow_code
 
+pytestmark = pytest.mark.slow
+
 GENERATOR = '''
 """Triangles."""
 import os, random

@@ -53,6 +53,7 @@ def test_it_is_the_estimate_of_the_pipeline_ranked(inverters, image):
     assert len(unranked.candidates) == 3
 
 
+@pytest.mark.slow
 def test_a_search_lowers_the_misfit_and_leaves_its_trace(inverters, image, monkeypatch):
     # The search ends when it finds nothing better, and not by the time.
     monkeypatch.setattr("dipcg.inference.refine.PATIENCE", 1)
@@ -64,6 +65,7 @@ def test_a_search_lowers_the_misfit_and_leaves_its_trace(inverters, image, monke
     assert shares[:2] == [0.05, 0.1]
 
 
+@pytest.mark.slow
 def test_a_ball_is_recognised_where_none_is_named(inverters):
     ball = picture(inverters["ball"], {"radius": 1.0, "hole": 0.5})
     found = estimate(ball, inverters, FEW)
@@ -72,6 +74,7 @@ def test_a_ball_is_recognised_where_none_is_named(inverters):
     assert found.doubt is None
 
 
+@pytest.mark.slow
 def test_a_picture_is_cut_out_once(inverters, image, monkeypatch):
     """For the classifier, the estimates of all generators, and the doubt."""
     opaque, times = dipcg.images.over_white(image), []
@@ -88,6 +91,7 @@ def test_a_cutout_gives_what_its_picture_gives(inverters, image):
     assert plain(estimate(cut_out(image), inverters, options)) == plain(estimate(image, inverters, options))
 
 
+@pytest.mark.slow
 def test_every_further_picture_is_doubted_by_itself(inverters, image):
     ball = picture(inverters["ball"], {"radius": 1.0, "hole": 0.5})
     found = estimate([image, image, ball], inverters, replace(FEW, generator="box"))

@@ -45,6 +45,7 @@ def sphere(ball) -> np.ndarray:
 # Ranking
 
 
+@pytest.mark.slow
 def test_the_truth_comes_first_whatever_its_colours(inverter):
     others = [BOX.sample(np.random.default_rng(seed)) for seed in range(5)]
     for seed in range(3):

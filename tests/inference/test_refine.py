@@ -11,6 +11,8 @@ from dipcg.inference.rank import rank
 from dipcg.inference.refine import PATIENCE, refine
 from dipcg.pipeline import Inverter
 
+pytestmark = pytest.mark.slow
+
 # Seconds; the number of builds ends the search.
 LONG = 1000.0
 

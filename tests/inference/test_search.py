@@ -20,6 +20,8 @@ from dipcg.render import Renderer
 from dipcg.space import Choice, ParameterSpace, Real
 from dipcg.workers.pool import BuildPool
 
+pytestmark = pytest.mark.slow
+
 SPACE = ParameterSpace(Real("a", 0, 1), Choice("b", (1, 2, 3)), Real("c", 0, 1))
 
 

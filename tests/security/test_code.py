@@ -20,6 +20,8 @@ from dipcg.model.zoo import CARD, SHIPPED, find_checkpoint
 from dipcg.parameter_file import params_to_json
 from dipcg.registry import CodeError
 
+pytestmark = pytest.mark.slow
+
 # It leaves a mark where it runs, and is otherwise the box.
 EVIL = """
 from pathlib import Path

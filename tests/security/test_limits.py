@@ -11,6 +11,7 @@ from dipcg.app.desk import Budget
 from dipcg.app.jobs import Busy
 
 
+@pytest.mark.slow
 def test_too_many_jobs_are_turned_away_and_the_others_end(address, picture, monkeypatch):
     monkeypatch.setattr(jobs, "MOST_JOBS", 3)
     client = Client(address)

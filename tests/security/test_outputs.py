@@ -15,6 +15,8 @@ from dipcg.data.store import build_dataset
 from dipcg.images import save_image
 from dipcg.parameter_file import params_to_json
 
+pytestmark = pytest.mark.slow
+
 LAMP = Path(__file__).parents[2] / "examples"
 
 

@@ -130,6 +130,7 @@ def test_headers_have_an_end(address):
         assert received(line).status in (0, 400)
 
 
+@pytest.mark.slow
 def test_half_sent_requests_shut_nobody_out(address, monkeypatch):
     monkeypatch.setattr(protocol, "MOST_CONNECTIONS", 200)
     lines = [connect(address) for _ in range(300)]

@@ -138,6 +138,7 @@ def test_outside_a_recording_nothing_is_changed():
     """)
 
 
+@pytest.mark.slow
 def test_a_program_that_forks_or_draws_without_end_is_refused():
     said = run("""
     import os

@@ -14,6 +14,8 @@ from dipcg.pipeline import Inverter
 from dipcg.space import Choice
 from dipcg.training.captions import FOLDER, MAX_PHRASES, caption, load_words, paraphrase, value_label
 
+pytestmark = pytest.mark.slow
+
 DESCRIBED = sorted(path.stem for path in FOLDER.glob("[a-z]*.toml"))
 
 

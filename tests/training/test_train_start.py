@@ -30,6 +30,7 @@ def saved(tmp_path) -> tuple[Path, dict[str, torch.Tensor]]:
     return tmp_path / "first", model.state_dict()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("generator", ["box", "table"])
 def test_a_run_starts_with_all_weights_that_fit(saved, tmp_path, generator):
     folder, weights = saved

@@ -29,6 +29,7 @@ def ends():
         yield Channel(ours), theirs
 
 
+@pytest.mark.slow
 @given(st.recursive(PLAIN, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text("abc"), inner)))
 def test_plain_data_comes_back(value):
     assert unpack(pack(value)) == value

@@ -17,6 +17,8 @@ from dipcg.workers import memory
 from dipcg.workers.pool import BuildPool
 from dipcg.workers.process import BuildError, Child
 
+pytestmark = pytest.mark.slow
+
 GENERATOR = '''
 """A triangle that misbehaves on request."""
 import os, signal, socket, stat, struct, subprocess, sys, tempfile, time
