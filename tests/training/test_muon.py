@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import nn
 
-from dipcg.training.muon import Muon, orthogonal
+from dipcg.training.muon import Muon, _newton_schulz, _newton_schulz_of_squares, orthogonal
 
 
 @pytest.mark.parametrize("shape", [(16, 16), (16, 40), (40, 16)])
@@ -20,6 +20,15 @@ def test_singular_vectors_stay_and_singular_values_become_alike(shape):
     rotated = left.mT @ found @ right.mT
     torch.testing.assert_close(rotated.diagonal(dim1=1, dim2=2).sort(descending=True).values, values, atol=0.05, rtol=0)
     assert (rotated - torch.diag_embed(rotated.diagonal(dim1=1, dim2=2))).abs().max() < 0.05
+
+
+def test_steps_on_the_squares_of_wide_matrices_are_the_same_steps():
+    torch.manual_seed(0)
+    left, right = torch.linalg.qr(torch.randn(48, 48))[0], torch.linalg.qr(torch.randn(400, 48))[0]
+    # Momentum has some large directions and many small ones.
+    matrix = (left * torch.logspace(0, -4, 48)) @ right.mT
+    matrix = (matrix / matrix.norm())[None]
+    torch.testing.assert_close(_newton_schulz_of_squares(matrix), _newton_schulz(matrix), atol=1e-3, rtol=0)
 
 
 def test_a_linear_map_is_found_from_inputs_of_very_different_sizes():
