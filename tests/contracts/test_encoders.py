@@ -1,5 +1,7 @@
 """The contract of encoders, checked for each registered encoder."""
 
+from pathlib import Path
+
 import pytest
 import torch
 from torch import Tensor, nn
@@ -13,9 +15,14 @@ CONFIG = {"width": 16, "depth": 1, "heads": 2, "summary": 24}
 TOLERANCE = {"rtol": 1e-4, "atol": 1e-4}
 
 
-@pytest.fixture(scope="module", params=registry.names("encoders"))
+# The encoder that is a file of a user's.
+EXAMPLE = str(Path(__file__).parents[2] / "examples" / "efficientnet.py")
+
+
+@pytest.fixture(scope="module", params=[*registry.names("encoders"), EXAMPLE])
 def encoder(request, pretrained) -> nn.Module:
     torch.manual_seed(0)
+    registry.allow_code(EXAMPLE)
     return build_encoder(
         ModelConfig(encoder=request.param, encoder_weights=pretrained.get(request.param, ""), **CONFIG)
     ).eval()

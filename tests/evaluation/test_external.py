@@ -120,3 +120,14 @@ def test_the_command_writes_pictures_and_measures_what_was_made_of_them(data, tm
     assert found["accuracy"]["tool"]["chamfer"][0] < 0.03
     assert set(found["topology"]) == {"test-0", "test-1"}
     assert write_pictures(split_cases(data, 1), tmp_path / "more") == 1
+
+
+def test_meshes_under_the_protocol_of_the_paper_get_its_columns(data, tmp_path, monkeypatch):
+    cases = list(split_cases(data, 1))
+    (tmp_path / "tool").mkdir()
+    Asset(cases[0].mesh, "box", {}).export(tmp_path / "tool" / f"{cases[0].name}.glb")
+    monkeypatch.setattr("dipcg.cli.evaluate._as_published", lambda data, count: iter(cases))
+    out = io.StringIO()
+    with redirect_stdout(out):
+        main(["evaluate", "box", "--data", str(data), "--protocol", "paper", "--meshes", str(tmp_path / "tool")])
+    assert {"chamfer", "emd", "fscore"} <= set(out.getvalue().splitlines()[0].split())

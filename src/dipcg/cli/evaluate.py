@@ -82,6 +82,7 @@ def evaluate(
     check_outputs((json,), (generator, data, *(pairs or Path()).glob("*.json")))
     if pictures is not None and any(folder and pictures.resolve() == folder.resolve() for folder in (pairs, meshes)):
         raise ValueError(f"{pictures} holds what is read; choose another folder for the pictures.")
+    metric = metric or (PAPER_METRICS if protocol == "paper" else ())
     if meshes is not None or pictures is not None:
         return _external(
             _cases(protocol, data, pairs, prefix or generator, count), meshes, pictures, count, metric, json
@@ -89,7 +90,6 @@ def evaluate(
     with Inverter.load(generator, workers=2) as inverter:
         cases, done = _cases(protocol, data, pairs, prefix or inverter.generator.name, count), counter(1)
         shapes, turns = _random_shapes(inverter, data, nearest_of), pairs is not None and protocol == "ours"
-        metric = metric or (PAPER_METRICS if protocol == "paper" else ())
         plan = Plan(candidates, steps, turns, metric, rank, refine, shapes)
         with bar("measuring", count) as update:
             measured = measure(inverter, cases, plan, lambda case: update(next(done), case.name))
