@@ -22,7 +22,7 @@ from serving import box_checkpoint, serving
 from stand_ins import broken, dying, other_api, page, standing_in
 
 import dipcg
-from dipcg.app import trainings
+from dipcg.app import training_queue
 from dipcg.app.studio import Studio
 from dipcg.camera import View
 from dipcg.cli.addon import packed
@@ -176,7 +176,7 @@ def test_the_panels_show_every_candidate_and_every_parameter(clicked) -> None:
 @pytest.fixture
 def learning(tmp_path, monkeypatch) -> Iterator[str]:
     """A server that learns, with a training that takes seconds, over the toy."""
-    monkeypatch.setattr(trainings, "PROGRAM", "learning_stand_in")
+    monkeypatch.setattr(training_queue, "PROGRAM", "learning_stand_in")
     monkeypatch.setenv("PYTHONPATH", str(HERE.parent))
     # It must still be training when it is stopped, also on a busy machine.
     monkeypatch.setenv("LEARNING_STEP_S", "0.5")

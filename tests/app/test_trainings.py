@@ -8,7 +8,7 @@ import psutil
 import pytest
 from serving import Quick, box_checkpoint, serving
 
-from dipcg.app import trainings
+from dipcg.app import training_queue
 from dipcg.app.client import ApiError, Client
 
 TESTS = Path(__file__).parents[1]
@@ -44,7 +44,7 @@ def folder(block, tmp_path, monkeypatch) -> Path:
 
 
 def stand_in(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(trainings, "PROGRAM", "learning_stand_in")
+    patch.setattr(training_queue, "PROGRAM", "learning_stand_in")
     patch.setenv("PYTHONPATH", str(TESTS))
 
 

@@ -8,7 +8,7 @@ from attacking import head, sent
 from serving import serving
 
 from dipcg import registry
-from dipcg.app import trainings
+from dipcg.app import training_queue, trainings
 from dipcg.app.client import ApiError, Client
 from dipcg.app.limits import MOST_SOURCE_BYTES
 from dipcg.app.sources import check_source
@@ -25,7 +25,7 @@ def folder(tmp_path) -> Path:
 @pytest.fixture
 def learning(studio, folder, tmp_path, monkeypatch):
     """A client of a server that learns, whose process never begins."""
-    monkeypatch.setattr(trainings, "PROGRAM", "this")
+    monkeypatch.setattr(training_queue, "PROGRAM", "this")
     with serving(studio, tmp_path / "served", learn=folder) as address:
         yield Client(address)
 

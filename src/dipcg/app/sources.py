@@ -7,10 +7,24 @@ from pathlib import Path
 
 from dipcg.importing.header import saved_by
 
+ENDINGS = (".blend", ".scad", ".py")
+NO_CODE = (
+    "A Python file would run here with all rights of the server, so none is taken. Where only people that you trust "
+    "reach the server, start it with `dipcg serve --learn FOLDER --allow-code FOLDER`."
+)
 # Strings and comments of OpenSCAD, which are passed over, and the words that read other files of the machine.
 OPENSCAD = re.compile(
     r'"(?:\\.|[^"\\])*"|//[^\n]*|/\*.*?\*/|\b(?P<word>include|use|import\w*|surface|dxf_\w+)\b', re.DOTALL
 )
+
+
+def check_name(file: str, takes_code: bool) -> None:
+    """Raise ValueError with a sentence for a file that is not of a kind that is learned here."""
+    ending = Path(file).suffix.lower()
+    if ending not in ENDINGS:
+        raise ValueError(f"Give a Blender file (.blend), an OpenSCAD file (.scad) or a Python file, got {file!r}.")
+    if ending == ".py" and not takes_code:
+        raise ValueError(NO_CODE)
 
 
 def check_source(path: Path, file: str) -> None:

@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field
 
 from dipcg.app.limits import MOST_MINUTES, MOST_SHAPES
 from dipcg.app.models import Name, Request
-from dipcg.app.trainings import State
+from dipcg.app.training_folder import State
 from dipcg.space import Value
 
 End = Annotated[float, Field(allow_inf_nan=False)]

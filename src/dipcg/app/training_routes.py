@@ -17,8 +17,9 @@ from dipcg.app import models
 from dipcg.app.limits import MOST_SOURCE_BYTES
 from dipcg.app.routes import TheDesk
 from dipcg.app.sources import check_source
+from dipcg.app.training_folder import WORKING, Training
 from dipcg.app.training_models import SOURCE_BODY, Learn, Proposed, Ranges, TrainingAnswer
-from dipcg.app.trainings import WORKING, Training, Trainings
+from dipcg.app.trainings import Trainings
 from dipcg.importing.editing import read_parameters
 from dipcg.space import Value
 

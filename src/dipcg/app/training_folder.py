@@ -1,0 +1,103 @@
+"""The record of a training on disk: its folder, with what is wanted, how far it is, and what was found.
+
+The server writes `order.json`, and the process that works on the folder writes `status.json` and `found.json`.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any, Literal
+
+from dipcg.files import write_file
+from dipcg.model.zoo import CARD
+
+Task = Literal["propose", "edit", "learn"]
+State = Literal["waiting", "proposing", "proposed", "learning", "stopping", "stopped", "done", "failed"]
+# The states in which something is done, or will be.
+WORKING: tuple[State, ...] = ("waiting", "proposing", "learning", "stopping")
+
+
+class Training:
+    """One generator that is learned, as its folder holds it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.id = folder, folder.name
+
+    @property
+    def order(self) -> dict[str, Any]:
+        """What is wanted: `task`, whether it is `active`, and its settings."""
+        return _read(self.folder / "order.json")
+
+    @property
+    def status(self) -> dict[str, Any]:
+        """What its process has last said."""
+        return _read(self.folder / "status.json")
+
+    @property
+    def found(self) -> dict[str, Any]:
+        """What the source was found to be: values of its parameters, what is left out, and notes."""
+        return _read(self.folder / "found.json")
+
+    @property
+    def checkpoint(self) -> Path:
+        return self.folder / "checkpoint"
+
+    def write(self, **changes: Any) -> None:
+        """Change what is wanted."""
+        write_file(self.folder / "order.json", json.dumps(self.order | changes))
+
+    def fail(self, sentence: str) -> None:
+        """Say what went wrong, beside what its process has said."""
+        write_file(self.folder / "status.json", json.dumps(self.status | {"error": sentence}))
+
+    def begin(self, task: Task, **settings: Any) -> None:
+        """Want a task done; what was said of the last one goes."""
+        (self.folder / "status.json").unlink(missing_ok=True)
+        self.write(task=task, active=True, **settings)
+
+    def state(self, running: bool) -> State:
+        """Where it stands; `running` says whether its process runs."""
+        order, status = self.order, self.status
+        if running and not order["active"]:
+            return "stopping"
+        if order["active"]:
+            return ("learning" if order["task"] == "learn" else "proposing") if running else "waiting"
+        if status.get("error"):
+            return "failed"
+        if order["task"] != "learn":
+            return "proposed" if status.get("finished") == order["task"] else "stopped"
+        return "done" if self.is_learned else "stopped"
+
+    @property
+    def is_learned(self) -> bool:
+        """Whether the training came to its end."""
+        finished = self.order["task"] == self.status.get("finished") == "learn"
+        return finished and (self.checkpoint / CARD).is_file()
+
+
+def create(folder: Path, name: str, number: int, file: str, object: str, modifier: str) -> Training:
+    """Make a training of a source that lies in `folder` as `source`; nothing is done for it yet."""
+    stored = f"{name}{Path(file).suffix.lower()}"
+    (folder / "source").rename(folder / stored)
+    order = {"name": name, "file": stored, "given": file, "object": object, "modifier": modifier, "number": number}
+    order |= {"ranges": {}, "hold": [], "shapes": 0, "minutes": 0.0, "task": "propose", "active": False}
+    write_file(folder / "order.json", json.dumps(order))
+    return Training(folder)
+
+
+def free_name(file: str, taken: Collection[str]) -> str:
+    """A name for the generator of a file that no other has."""
+    base = re.sub(r"[^a-z0-9]+", "_", Path(file).stem.lower()).strip("_")[:40] or "generator"
+    base = base if base.isidentifier() else f"generator_{base}"
+    free = (f"{base}_{number}" if number > 1 else base for number in range(1, len(taken) + 2))
+    return next(name for name in free if name not in taken)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return json.loads(path.read_text())
+    except FileNotFoundError:
+        return {}

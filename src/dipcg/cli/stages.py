@@ -1,0 +1,111 @@
+"""The stages of a training in its folder: ranges are proposed, edited ranges are tried, an estimator is trained."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dipcg.files import write_file
+
+Order = dict[str, Any]
+Report = Callable[[float, str], None]
+
+# The share of the work that is the data set, and how many samples are drawn for people.
+DATA_SHARE, SAMPLES, SIDE = 0.3, 6, 256
+WORKERS = 2
+# The checkpoint that a training begins with, since its network knows what pictures look like.
+START = "chair"
+
+
+def propose(folder: Path, order: Order, report: Report) -> None:
+    """Propose parameters and ranges, and draw samples."""
+    source, toml, proposed = folder / order["file"], _toml(folder, order), folder / "proposed.toml"
+    toml.unlink(missing_ok=True)
+    made = _imported(source, order, toml, report)
+    shutil.copy(toml, proposed)
+    values = {row.name: row.value for row in made.rows}
+    write_file(folder / "found.json", json.dumps({"values": values, "left_out": made.left_out, "notes": made.notes}))
+    _draw_samples(folder, toml, report)
+
+
+def edit(folder: Path, order: Order, report: Report) -> None:
+    """Take edited ranges, and draw samples; what was learned with other ranges goes."""
+    from dipcg.importing.editing import edited, read_parameters, write_edited
+
+    proposed = folder / "proposed.toml"
+    entries = edited(read_parameters(proposed), order["ranges"], order["hold"])
+    for made in ("data", "checkpoint"):
+        shutil.rmtree(folder / made, ignore_errors=True)
+    write_edited(_toml(folder, order), proposed, entries)
+    _draw_samples(folder, _toml(folder, order), report)
+
+
+def learn(folder: Path, order: Order, report: Report) -> None:
+    """Build the data set and train; both go on where they were."""
+    from dipcg.config import ModelConfig, TrainConfig
+    from dipcg.data.store import Local, Progress, build_dataset
+    from dipcg.model.zoo import shipped
+    from dipcg.training.train import Status as Trained
+    from dipcg.training.train import train
+
+    data, checkpoint, count = folder / "data", folder / "checkpoint", order["shapes"]
+    settings = TrainConfig(minutes=order["minutes"], start=START if START in shipped() else "")
+
+    def built(progress: Progress) -> None:
+        report(DATA_SHARE * progress.done / count, f"Building shape {progress.done} of {count}")
+
+    def trained(status: Trained) -> None:
+        note = f"Training: loss {status.loss:.3f}, {status.pictures_per_s:.0f} pictures per second"
+        report(DATA_SHARE + (1 - DATA_SHARE) * status.share, note)
+
+    build_dataset(str(_toml(folder, order)), data, count, executor=Local(WORKERS), report=built)
+    train(data, checkpoint, settings, ModelConfig(), trained)
+
+
+def _imported(source: Path, order: Order, toml: Path, report: Report) -> Any:
+    if source.suffix == ".blend":
+        from dipcg.importing.blend import Options, import_blend
+
+        options = Options(order["object"], order["modifier"])
+        return import_blend(source, options, toml, lambda count: report(0.0, f"Trying ranges: {count} builds"))
+    if source.suffix == ".scad":
+        from dipcg.importing.openscad import import_scad
+
+        report(0.0, "Trying ranges")
+        return import_scad(source, toml)
+    from dipcg.importing.seeded import import_program
+
+    report(0.0, "Recording the random draws")
+    return import_program(str(source), "", {}, toml)
+
+
+def _toml(folder: Path, order: Order) -> Path:
+    return folder / f"{order['name']}.toml"
+
+
+def _draw_samples(folder: Path, toml: Path, report: Report) -> None:
+    """Pictures of random samples; those that cannot be built are left out."""
+    from dipcg.generators import load_generator
+    from dipcg.images import MARGIN, save_image
+    from dipcg.mesh import Mesh
+    from dipcg.render import Renderer
+    from dipcg.workers.pool import BuildPool
+
+    pictures, renderer = folder / "samples", Renderer(SIDE)
+    shutil.rmtree(pictures, ignore_errors=True)
+    pictures.mkdir()
+    generator = load_generator(str(toml))
+    rng = np.random.default_rng()
+    with BuildPool(generator, WORKERS) as pool, contextlib.closing(renderer):
+        many = [generator.space.sample(rng) for _ in range(SAMPLES)]
+        for number, mesh in enumerate(pool.map(many, "light")):
+            report(0.9, f"Drawing sample {number + 1} of {SAMPLES}")
+            if isinstance(mesh, Mesh):
+                image = renderer.render(mesh, generator.seen_from(many[number]).middle, margin=MARGIN)
+                save_image(image, pictures / f"{number}.png")
