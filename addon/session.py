@@ -1,6 +1,7 @@
 """What the panel shows and the operators share: settings in Blender, and answers of the server in memory."""
 
 import base64
+import sys
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -22,6 +23,8 @@ task: Task | None = None
 # The training of the active generator, and the thread that follows it.
 training: dict[str, Any] | None = None
 watching: Task | None = None
+# The newest Blender whose files every server reads.
+SERVERS = (4, 2)
 
 
 class Lock(bpy.types.PropertyGroup):
@@ -112,13 +115,19 @@ def address(context: bpy.types.Context) -> str:
     return context.preferences.addons[__package__].preferences.address
 
 
+def _this_blender() -> list[str]:
+    """The program of this Blender, by which the server reads files that are too new for its own."""
+    # A module of Python has no program of its own.
+    return ["--blender", bpy.app.binary_path or sys.executable] if bpy.app.version[:2] > SERVERS else []
+
+
 def command(context: bpy.types.Context) -> list[str]:
     """What starts the server, from the preferences; empty without a program."""
     chosen = context.preferences.addons[__package__].preferences
     if not chosen.program:
         return []
     folder, port = bpy.path.abspath(chosen.folder), str(urlsplit(chosen.address).port or 80)
-    return [bpy.path.abspath(chosen.program), "serve", "--port", port, "--learn", folder]
+    return [bpy.path.abspath(chosen.program), "serve", "--port", port, "--learn", folder, *_this_blender()]
 
 
 def take_training(settings: Settings, found: dict[str, Any] | None) -> None:

@@ -8,6 +8,7 @@ MARKED = {
     "slow": {
         "app/test_api.py::test_words_become",
         "app/test_browser_training.py::test_a_generator",
+        "app/test_newer_blender.py::test_a_newer_file",
         "app/test_trainings.py",
         "cli/test_assets.py::test_a_folder_is_worked_through",
         "cli/test_batch.py::test_a_name_that_is_no_utf8",

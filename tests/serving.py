@@ -51,9 +51,12 @@ def box_checkpoint(folder: Path, generator: str = "box") -> str:
 
 
 @contextlib.contextmanager
-def serving(studio: Studio, folder: Path, hosts: tuple[str, ...] = (), learn: Path | None = None) -> Iterator[str]:
+def serving(
+    studio: Studio, folder: Path, hosts: tuple[str, ...] = (), learn: Path | None = None, blender: str = ""
+) -> Iterator[str]:
     """The address of a server over a studio, in a thread of this process."""
-    server = uvicorn.Server(uvicorn.Config(**settings(make_app(studio, folder, hosts, learn), "127.0.0.1", 0)))
+    app = make_app(studio, folder, hosts, learn, blender)
+    server = uvicorn.Server(uvicorn.Config(**settings(app, "127.0.0.1", 0)))
     thread = threading.Thread(target=server.run, daemon=True)
     thread.start()
     while not server.started:

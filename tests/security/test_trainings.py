@@ -12,9 +12,10 @@ from dipcg.app import training_queue, trainings
 from dipcg.app.client import ApiError, Client
 from dipcg.app.limits import MOST_SOURCE_BYTES
 from dipcg.app.sources import check_source
+from dipcg.importing.program import allow_program
 
 PYTHON = b"import random\ndef make(seed): return random.Random(seed).random()\n"
-BLENDER = b"BLENDER-v402"
+BLENDER, BLENDER_5 = b"BLENDER-v402", b"BLENDER17-01v0501"
 
 
 @pytest.fixture
@@ -82,6 +83,30 @@ def test_words_in_comments_and_strings_are_no_commands(tmp_path):
     path = tmp_path / "box.scad"
     path.write_text('// the surface, which we use\n/* import */ name = "include <x>"; cube(width);')
     check_source(path, "box.scad")
+
+
+def test_a_file_of_a_newer_blender_is_refused_with_what_to_do(learning, folder):
+    with pytest.raises(ApiError, match=r"clock\.blend was saved by Blender 5\.1.*--learn FOLDER --blender PROGRAM"):
+        learning.propose(BLENDER_5, "clock.blend")
+    assert list(folder.iterdir()) == []
+
+
+def test_a_file_of_a_newer_blender_is_taken_where_there_is_one(studio, folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(training_queue, "PROGRAM", "this")
+    with serving(studio, tmp_path / "served", learn=folder, blender="/opt/blender") as address:
+        assert Client(address).propose(BLENDER_5, "clock.blend")["file"] == "clock.blend"
+
+
+def test_only_the_blender_of_the_server_runs(tmp_path, monkeypatch):
+    monkeypatch.setattr(registry, "_allowed", set())
+    path = tmp_path / "lamp.toml"
+    path.write_text('blender = "/tmp/evil"')
+    for own in ("", "/opt/blender"):
+        with pytest.raises(ValueError, match=r"lamp\.toml needs the Blender that it was made with"):
+            allow_program(path, own)
+    assert not registry.is_allowed(path)
+    allow_program(path, "/tmp/evil")
+    assert registry.is_allowed(path)
 
 
 @pytest.mark.parametrize("name", ["lamp.blend", "a.toml", "a.so", "../../etc/cron.d/x", "blend", ""])

@@ -24,9 +24,9 @@ SWEEP_S = 60.0
 class Desk:
     """Pictures, jobs and files of all visitors, and who works on them."""
 
-    def __init__(self, studio: Studio, folder: Path, learn: Path | None = None) -> None:
+    def __init__(self, studio: Studio, folder: Path, learn: Path | None = None, blender: str = "") -> None:
         self.studio = studio
-        self.trainings = Trainings(studio, learn)
+        self.trainings = Trainings(studio, learn, blender)
         self.pictures, self.jobs = Pictures(), Jobs()
         self.estimating, self.making = Estimating(studio, self.pictures), Making(studio, folder)
         self.previews, self.cut_outs = Budget(MOST_PREVIEWS), Budget(MOST_PREVIEWS)

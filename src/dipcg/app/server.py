@@ -26,6 +26,7 @@ from dipcg.app.limits import MOST_JSON_BYTES
 from dipcg.app.protocol import TimedProtocol
 from dipcg.app.routes import router
 from dipcg.app.studio import Studio
+from dipcg.importing.program import check_program
 
 STATIC = Path(__file__).parent / "static"
 # From glibc's malloc.h.
@@ -44,11 +45,14 @@ def serve(
     browser: bool,
     allow_hosts: Sequence[str] = (),
     learn: Path | None = None,
+    blender: str = "",
 ) -> None:
     """Serve until Ctrl-C or SIGTERM; files of visitors live in a folder that is deleted at the end.
 
-    `learn` is the folder of generators that are learned, which stays.
+    `learn` is the folder of generators that are learned, which stays; `blender` is another Blender for files that are
+    too new for ours. Raises ValueError with a sentence for a program that is none.
     """
+    program = learning_program(blender, learn)
     give_memory_back()
     address = f"http://{host}:{port}"
     # uvicorn ends with the signal that stopped it, which without this would end the process before it has cleaned up.
@@ -58,7 +62,14 @@ def serve(
         if browser:
             webbrowser.open(address)
         with contextlib.suppress(KeyboardInterrupt):
-            uvicorn.run(**settings(make_app(studio, folder, {host, *allow_hosts}, learn), host, port))
+            uvicorn.run(**settings(make_app(studio, folder, {host, *allow_hosts}, learn, program), host, port))
+
+
+def learning_program(blender: str, learn: Path | None) -> str:
+    """The full path of another Blender, if one is given; raises ValueError with a sentence."""
+    if blender and learn is None:
+        raise ValueError("--blender is for generators that are learned; give their folder too, with --learn FOLDER.")
+    return check_program(blender) if blender else ""
 
 
 def give_memory_back() -> None:
@@ -83,15 +94,17 @@ def settings(app: Any, host: str, port: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def make_app(studio: Studio, folder: Path, hosts: Collection[str] = (), learn: Path | None = None) -> Guard:
+def make_app(
+    studio: Studio, folder: Path, hosts: Collection[str] = (), learn: Path | None = None, blender: str = ""
+) -> Guard:
     """The application; `folder` is where files of visitors go, `hosts` are names under which it answers.
 
-    `learn` is the folder of generators that are learned; None for none.
+    `learn` is the folder of generators that are learned, None for none; `blender` is a program that reads newer files.
     """
 
     @contextlib.asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        app.state.desk = desk = Desk(studio, folder, learn)
+        app.state.desk = desk = Desk(studio, folder, learn, blender)
         sweeping = asyncio.create_task(desk.sweep_for_ever())
         yield
         sweeping.cancel()

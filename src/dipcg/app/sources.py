@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 from dipcg.importing.header import saved_by
+from dipcg.importing.program import ours
 
 ENDINGS = (".blend", ".scad", ".py")
 NO_CODE = (
@@ -27,15 +28,29 @@ def check_name(file: str, takes_code: bool) -> None:
         raise ValueError(NO_CODE)
 
 
-def check_source(path: Path, file: str) -> None:
-    """Raise ValueError with a sentence for what is no Blender file, or for OpenSCAD that reads other files."""
+def check_source(path: Path, file: str, blender: str = "") -> None:
+    """Raise ValueError with a sentence for no Blender file or one that is too new, or OpenSCAD that reads other files.
+
+    `blender` is another Blender that the server has for newer files.
+    """
     if file.lower().endswith(".blend"):
-        try:
-            saved_by(path)
-        except ValueError:
-            raise ValueError(f"{file} is not a Blender file; give one that Blender saved.") from None
+        _check_blend(path, file, blender)
     if file.lower().endswith(".scad"):
         _check_alone(path.read_text(encoding="utf-8", errors="replace"), file)
+
+
+def _check_blend(path: Path, file: str, blender: str) -> None:
+    try:
+        version = saved_by(path)
+    except ValueError:
+        raise ValueError(f"{file} is not a Blender file; give one that Blender saved.") from None
+    # Blender reads files of its own major version, with what it does not know left out, and ours may not be there.
+    if not blender and version[0] > ours()[0] > 0:
+        named, own = (f"{major}.{minor}" for major, minor in (version, ours()))
+        raise ValueError(
+            f"{file} was saved by Blender {named}, and this server has Blender {own}. Start it with `dipcg serve "
+            f"--learn FOLDER --blender PROGRAM`, the program of Blender {named} or later."
+        )
 
 
 def _check_alone(text: str, file: str) -> None:

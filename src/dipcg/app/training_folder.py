@@ -45,12 +45,17 @@ class Training:
     def checkpoint(self) -> Path:
         return self.folder / "checkpoint"
 
+    @property
+    def toml(self) -> Path:
+        """The file that makes a generator of the source."""
+        return self.folder / f"{self.order['name']}.toml"
+
     def write(self, **changes: Any) -> None:
         """Change what is wanted."""
         write_file(self.folder / "order.json", json.dumps(self.order | changes))
 
-    def fail(self, sentence: str) -> None:
-        """Say what went wrong, beside what its process has said."""
+    def set_error(self, sentence: str | None) -> None:
+        """Say what went wrong, or that nothing did, beside what its process has said."""
         write_file(self.folder / "status.json", json.dumps(self.status | {"error": sentence}))
 
     def begin(self, task: Task, **settings: Any) -> None:

@@ -119,7 +119,7 @@ class Queue:
         with self.changed:
             if not self._closed and training.order["active"]:
                 if not training.status.get("finished") and not training.status.get("error"):
-                    training.fail(ENDED)
+                    training.set_error(ENDED)
                 training.write(active=False)
             self._running = self._process = None
             self.changed.notify_all()

@@ -68,7 +68,7 @@ async def post_training(
             with (folder / "source").open("wb") as written:
                 async for chunk in request.stream():
                     written.write(chunk)
-            check_source(folder / "source", file)
+            check_source(folder / "source", file, every.blender)
             training = await anyio.to_thread.run_sync(every.add, folder, file, object, modifier)
         except BaseException:
             shutil.rmtree(folder, ignore_errors=True)

@@ -19,16 +19,20 @@ from dipcg.app.studio import Studio
 from dipcg.app.training_folder import WORKING, State, Training, create, free_name
 from dipcg.app.training_queue import Queue
 from dipcg.importing.editing import edited, read_parameters
+from dipcg.importing.program import allow_program
 from dipcg.model.zoo import CheckpointError
 
 NO_LEARNING = "This server learns no generators; start it with `dipcg serve --learn FOLDER`."
 
 
 class Trainings:
-    """All that are learned here; `folder` is None where nothing is."""
+    """All that are learned here; `folder` is None where nothing is.
 
-    def __init__(self, studio: Studio, folder: Path | None) -> None:
-        self._studio, self._folder = studio, folder.resolve() if folder else None
+    `blender` is the program of another Blender, for files that are too new for ours.
+    """
+
+    def __init__(self, studio: Studio, folder: Path | None, blender: str = "") -> None:
+        self._studio, self._folder, self.blender = studio, folder.resolve() if folder else None, blender
         self._queue = Queue(self.all, self._options, self._serve)
         if self._folder is None:
             return
@@ -118,7 +122,7 @@ class Trainings:
 
     def _options(self) -> list[str]:
         """What the process is told besides its folder."""
-        return ["--allow-code"] if self.takes_code else []
+        return ["--blender", self.blender, *(["--allow-code"] if self.takes_code else [])]
 
     def _check_idle(self, training: Training) -> None:
         if self.state(training) in WORKING:
@@ -139,6 +143,10 @@ class Trainings:
         if not training.is_learned:
             return
         try:
+            allow_program(training.toml, self.blender)
             self._studio.learn(str(training.checkpoint))
-        except (CheckpointError, LookupError, ValueError) as error:
-            training.fail(str(error))
+        except (CheckpointError, LookupError, OSError, ValueError) as error:
+            training.set_error(str(error))
+        else:
+            # It may have been served no more by a server without its Blender.
+            training.set_error(None)

@@ -13,12 +13,14 @@ import signal
 import sys
 import threading
 import time
+from argparse import ArgumentParser
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from dipcg.cli.stages import Order, Report, edit, learn, propose
 from dipcg.files import locked, write_file
+from dipcg.importing.program import allow_program
 from dipcg.registry import allow_code
 
 # Seconds between two notes of the progress.
@@ -28,12 +30,14 @@ NICENESS = 19
 TASKS: dict[str, Callable[[Path, Order, Report], None]] = {"propose": propose, "edit": edit, "learn": learn}
 
 
-def main(folder: Path) -> None:
+def main(folder: Path, blender: str = "") -> None:
     """Do what is wanted in a folder; the status has the sentence of an error."""
-    order = json.loads((folder / "order.json").read_text())
+    order = json.loads((folder / "order.json").read_text()) | {"blender": blender}
     report = Status(folder)
     try:
         with locked(folder, "works"):
+            if order["task"] != "propose":
+                allow_program(folder / f"{order['name']}.toml", blender)
             TASKS[order["task"]](folder, order, report)
         report.write(share=1.0, note="", finished=order["task"])
     except KeyboardInterrupt:
@@ -41,7 +45,8 @@ def main(folder: Path) -> None:
     except Exception as error:
         from dipcg.cli.terminal import error_text
 
-        report.write(note="", error=error_text(error))
+        # Visitors see the names that they have given, and not where the files are.
+        report.write(note="", error=error_text(error).replace(f"{folder}/", ""))
         raise
 
 
@@ -72,15 +77,20 @@ def _end_with_the_server() -> None:
 
 
 def run(words: list[str]) -> None:
-    """The program: a folder, and perhaps --allow-code, which lets the Python file in it run."""
+    """The program: a folder, a Blender for files too new for ours, and whether the Python file in it may run."""
+    parser = ArgumentParser("dipcg.cli.learn")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--blender", default="")
+    parser.add_argument("--allow-code", action="store_true")
+    given = parser.parse_args(words)
     os.nice(NICENESS)
     # A run that is interrupted saves its state.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     threading.Thread(target=_end_with_the_server, daemon=True).start()
-    folder = Path(words[0]).resolve()
-    if words[1:] == ["--allow-code"]:
+    folder = given.folder.resolve()
+    if given.allow_code:
         allow_code(folder)
-    main(folder)
+    main(folder, given.blender)
 
 
 if __name__ == "__main__":

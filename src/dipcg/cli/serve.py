@@ -17,6 +17,7 @@ def serve(
     browser: bool = False,
     allow_host: tuple[str, ...] = (),
     learn: Path | None = None,
+    blender: str = "",
 ) -> None:
     """Start the web app, in which pictures become editable assets, and its HTTP API.
 
@@ -29,6 +30,7 @@ def serve(
         allow_host: names under which the server may be asked, besides localhost; give the name of your proxy
         learn: folder in which generators that visitors send are learned; none are when left out. With --allow-code
             FOLDER for the same folder, Python files are taken too, and run with all your rights
+        blender: another Blender, or a Python that has bpy, which reads files that are too new for ours
     """
     try:
         from dipcg.app.server import serve as start
@@ -36,4 +38,4 @@ def serve(
         if error.name not in ("fastapi", "uvicorn"):
             raise
         raise ModuleNotFoundError("The web app needs FastAPI and uvicorn: run `pip install 'dipcg[app]'`.") from None
-    start(names, host, port, workers, browser, allow_host, learn)
+    start(names, host, port, workers, browser, allow_host, learn, blender)

@@ -71,8 +71,9 @@ def learn(folder: Path, order: Order, report: Report) -> None:
 def _imported(source: Path, order: Order, toml: Path, report: Report) -> Any:
     if source.suffix == ".blend":
         from dipcg.importing.blend import Options, import_blend
+        from dipcg.importing.program import program_for
 
-        options = Options(order["object"], order["modifier"])
+        options = Options(order["object"], order["modifier"], program_for(source, order["blender"]))
         return import_blend(source, options, toml, lambda count: report(0.0, f"Trying ranges: {count} builds"))
     if source.suffix == ".scad":
         from dipcg.importing.openscad import import_scad

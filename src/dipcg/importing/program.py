@@ -6,8 +6,13 @@ import json
 import os
 import shutil
 import subprocess
+import tomllib
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
+
+from dipcg.importing.header import saved_by
+from dipcg.registry import allow_code
 
 TIMEOUT_S = 120.0
 # The Python that our modules need; Blender has it since 4.1.
@@ -34,6 +39,29 @@ def check_program(given: str) -> str:
     if not numpy:
         raise ValueError(f"{given} is Blender {version} without NumPy; install NumPy for its Python (python3-numpy).")
     return program
+
+
+def ours() -> tuple[int, int]:
+    """The version of Blender's module in this environment; (0, 0) where there is none."""
+    try:
+        major, minor = version("bpy").split(".")[:2]
+    except PackageNotFoundError:
+        return 0, 0
+    return int(major), int(minor)
+
+
+def program_for(blend: Path, program: str) -> str:
+    """Another Blender that reads a file: `program` if a newer Blender than ours saved it, else none, which is ours."""
+    return program if saved_by(blend) > ours() else ""
+
+
+def allow_program(toml: Path, program: str) -> None:
+    """Let the Blender run that a TOML file names; raises ValueError with a sentence if it is not `program`."""
+    named = tomllib.loads(toml.read_text(encoding="utf-8")).get("blender", "")
+    if named not in ("", program):
+        raise ValueError(f"{toml.name} needs the Blender that it was made with; give that with --blender.")
+    if named:
+        allow_code(toml)
 
 
 def _ask(program: str) -> Any:
