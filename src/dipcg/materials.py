@@ -155,6 +155,19 @@ def check_colours(colours: object) -> dict[str, Colour]:
     raise ValueError(f'Colours of parts are numbers from 0 to 1, as in {{"seat": [0.8, 0.1, 0.1]}}, got {colours}.')
 
 
+def colours_in_hex(settings: Mapping[str, str]) -> dict[str, Colour]:
+    """Colours of parts as a command has them, such as `seat=#b51f1a`; raises ValueError with a sentence."""
+    for part, text in settings.items():
+        if not re.fullmatch("#[0-9a-fA-F]{6}", text):
+            raise ValueError(f"The colour of a part is written as in seat=#b51f1a, got {part}={text}.")
+    return {part: as_colour(np.array(list(bytes.fromhex(text[1:]))) / 255) for part, text in settings.items()}
+
+
+def in_bytes(colour: Colour) -> Colour:
+    """The nearest colour that eight bits for each of its numbers can say, as `#b51f1a` does."""
+    return as_colour(np.rint(255 * np.array(colour)) / 255)
+
+
 def _is_colour(value: object) -> bool:
     numbers = value if isinstance(value, (list, tuple)) else ()
     return len(numbers) == 3 and all(isinstance(one, (int, float)) and 0 <= one <= 1 for one in numbers)

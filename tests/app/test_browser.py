@@ -4,6 +4,7 @@ Screenshots are left in out/screenshots for people to look at.
 """
 
 import json
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from boxes import BOX
 from browsing import downloaded, draw, hold_back, move, number, pixels, seen, shoot, shown, upload
 from playwright.sync_api import expect
 
+from dipcg.cli import main
 from dipcg.images import load_image, save_image
 from dipcg.parameter_file import params_from_json
 
@@ -28,7 +30,7 @@ AGREEING = """async (agreements) => {
 RED = """async () => {
     const state = await import("/scripts/state.js"), { open, results } = state.get();
     const parts = results[open.result].candidates.flatMap(({ colours }) => Object.keys(colours));
-    const colours = Object.fromEntries(parts.map((part) => [part, [0.9, 0.1, 0.1]]));
+    const colours = Object.fromEntries(parts.map((part) => [part, [0.8, 0.2, 0.2]]));
     const candidates = results[open.result].candidates.map((one) => ({ ...one, colours }));
     state.set({ results: { ...results, [open.result]: { ...results[open.result], candidates } } });
 }"""
@@ -81,7 +83,7 @@ def test_candidates_stand_in_the_order_that_their_labels_say(visit, picture):
     expect(page.locator("#candidates-note")).to_contain_text("best guess first, then by how well they match")
 
 
-def test_the_asset_has_the_colours_of_the_photo_where_they_are_asked_for(visit, picture, tmp_path):
+def test_file_and_command_have_the_colours_of_the_photo_where_they_are_asked_for(visit, picture, tmp_path, monkeypatch):
     page = visit()
     upload(page, picture)
     seen(page)
@@ -96,9 +98,17 @@ def test_the_asset_has_the_colours_of_the_photo_where_they_are_asked_for(visit, 
     red, green, blue = pixels(page)
     assert red > 1.5 * max(green, blue)
     file = downloaded(page, ".glb", tmp_path)
-    assert {tuple(np.round(colour, 3)) for colour in base_colours(file)} == {(0.787, 0.01, 0.01)}
+    assert {tuple(np.round(colour, 3)) for colour in base_colours(file)} == {(0.604, 0.033, 0.033)}
+    made = file.read_bytes()
+    page.get_by_text("The command that makes it again").click()
+    monkeypatch.chdir(tmp_path)
+    assert main(shlex.split(page.locator("#command").inner_text())[1:]) in (None, 0)
+    assert file.read_bytes() == made
     page.get_by_text("Materials", exact=True).click()
-    assert (0.787, 0.01, 0.01) not in base_colours(downloaded(page, ".glb", tmp_path))
+    assert (0.604, 0.033, 0.033) not in {
+        tuple(np.round(one, 3)) for one in base_colours(downloaded(page, ".glb", tmp_path))
+    }
+    expect(page.locator("#command")).not_to_contain_text("--paint")
 
 
 def test_menus_show_the_probabilities_of_the_picture_that_is_open(visit, picture, tmp_path):

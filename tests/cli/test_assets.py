@@ -84,6 +84,23 @@ def test_levels_of_detail_and_hulls_are_written_and_nothing_is_lost_for_them(cap
 
 
 @pytest.mark.slow
+def test_painted_parts_have_their_colours_which_the_parameters_keep(capsys, tmp_path):
+    ball = write_ball(tmp_path)
+    assert run("sample", ball, "-o", "a.glb", "--params-out", "a.json", "--paint", "body=#33CC00") == 0
+    (body,) = trimesh.load("a.glb").geometry.values()
+    # Linear light of 0.2 and 0.8 in sRGB.
+    np.testing.assert_allclose(np.array(body.visual.material.baseColorFactor[:3]) / 255, [0.033, 0.604, 0], atol=0.003)
+    assert json.loads(Path("a.json").read_text())["colours"] == {"body": [0.2, 0.8, 0.0]}
+    assert "no part" not in capsys.readouterr().err
+    again = run("edit", "a.json", "-o", "b.glb", "--params-out", "b.json", "--paint", "body=#ff0000", "lid=#000000")
+    assert again == 0
+    assert json.loads(Path("b.json").read_text())["colours"]["body"] == [1.0, 0.0, 0.0]
+    assert "The asset has no part lid, only body." in capsys.readouterr().err
+    assert run("sample", ball, "-o", "c.glb", "--paint", "body=red") == 1
+    assert "written as in seat=#b51f1a, got body=red" in capsys.readouterr().err
+
+
+@pytest.mark.slow
 def test_a_failed_build_is_printed_with_what_edit_needs_to_repeat_it(capsys, tmp_path):
     text = write_ball(tmp_path).read_text().replace("return trimesh", "raise ValueError('too round') or trimesh")
     Path("ball.py").write_text(text)

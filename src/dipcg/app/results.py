@@ -15,7 +15,7 @@ from dipcg.inference.estimate import Result, ranked
 from dipcg.inference.preview import TEXT_VIEW
 from dipcg.inference.rank import merge, order
 from dipcg.inference.serialise import to_dict
-from dipcg.materials import coloured
+from dipcg.materials import coloured, in_bytes
 from dipcg.mesh import Mesh
 from dipcg.pipeline import Candidate, Estimate
 from dipcg.render import Renderer
@@ -60,11 +60,11 @@ def thumbnail(candidate: Candidate) -> str:
 
 
 def _colours(estimate: Estimate, candidate: Candidate) -> PartColours:
-    """The colours of a built candidate's parts in its file, if the picture shows any."""
+    """The colours of a built candidate's parts in its file, as a command can say them, if the picture shows any."""
     assert candidate.mesh is not None
     known = seen_colours(estimate, candidate.mesh, candidate.view)
     names = candidate.mesh.part_names if known else ()
-    return {part: one.colour for part, one in zip(names, coloured(estimate.ref, names, known), strict=True)}
+    return {part: in_bytes(one.colour) for part, one in zip(names, coloured(estimate.ref, names, known), strict=True)}
 
 
 def as_answer(result: Result, picture: str | None, judged: Judged | None = None) -> dict[str, Any]:

@@ -27,6 +27,7 @@ Output = Annotated[Path, arg(aliases=["-o"], metavar="FILE")]
 Preview = Annotated[Path | None, arg(metavar="FILE")]
 # Each flag takes one or more settings, and the flag can be repeated.
 Settings = Annotated[tuple[tuple[str, ...], ...], UseAppendAction, arg(metavar="NAME=VALUE")]
+Paint = Annotated[tuple[tuple[str, ...], ...], UseAppendAction, arg(metavar="PART=COLOUR")]
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,14 @@ def _textured(asset: Asset, size: int) -> Asset:
 
 
 def sample(
-    name: Positional[str], /, *, output: Options, seed: int = 0, set: Settings = (), preview: Preview = None
+    name: Positional[str],
+    /,
+    *,
+    output: Options,
+    seed: int = 0,
+    set: Settings = (),
+    paint: Paint = (),
+    preview: Preview = None,
 ) -> None:
     """Build a random asset, or one with given parameters.
 
@@ -120,17 +128,20 @@ def sample(
         name: a generator's name, or the path of a Python or TOML file
         seed: random seed of the parameters
         set: fixed parameters, as name=value
+        paint: colours of parts, as seat=#b51f1a; those of other parts follow from them
         preview: PNG file for a picture of the asset
     """
     import numpy as np
 
     from dipcg.generators import load_generator
+    from dipcg.materials import colours_in_hex
 
     check_outputs((output.output, *output.levels(output.output), output.params_out), (name,))
     generator = load_generator(name)
     params = generator.space.sample(np.random.default_rng(seed))
     _check_preview(preview)
-    _build_and_write(generator, generator.space.replace(params, parse_settings(set)), output, preview=preview)
+    fixed, painted = generator.space.replace(params, parse_settings(set)), colours_in_hex(parse_settings(paint))
+    _note_unknown(painted, _build_and_write(generator, fixed, output, preview=preview, colours=painted))
 
 
 def edit(
@@ -139,6 +150,7 @@ def edit(
     *,
     output: Options,
     set: Settings = (),
+    paint: Paint = (),
     preview: Preview = None,
 ) -> None:
     """Change parameters of an asset and build it again.
@@ -146,20 +158,22 @@ def edit(
     Args:
         file: parameters as JSON, from --params-out
         set: parameters to change, as name=value
+        paint: colours of parts to change, as seat=#b51f1a
         preview: PNG file for the asset before and after, from the same camera
     """
     from dipcg.generators import load_generator
-    from dipcg.materials import check_colours
+    from dipcg.materials import check_colours, colours_in_hex
     from dipcg.parameter_file import document_from_json
 
     document = document_from_json(_read(file))
-    name, colours = document["generator"], check_colours(document.get("colours", {}))
+    name, painted = document["generator"], colours_in_hex(parse_settings(paint))
+    colours = check_colours(document.get("colours", {})) | painted
     check_outputs((output.output, *output.levels(output.output), output.params_out, preview), (file, name))
     generator = load_generator(name)
     before = generator.space.validate(document["params"])
     after = generator.space.replace(before, parse_settings(set))
     _check_preview(preview)
-    _build_and_write(generator, after, output, before, preview, colours)
+    _note_unknown(painted, _build_and_write(generator, after, output, before, preview, colours))
 
 
 def parse_settings(settings: Sequence[Sequence[str]]) -> dict[str, str]:
@@ -200,7 +214,7 @@ def _build_and_write(
     before: Params | None = None,
     preview: Path | None = None,
     colours: Mapping[str, Colour] | None = None,
-) -> None:
+) -> Asset:
     """Build and write an asset, print that, and draw it, beside the asset of the parameters before if there are any."""
     from dipcg.export.asset import Asset
     from dipcg.workers.pool import BuildPool
@@ -218,6 +232,14 @@ def _build_and_write(
     faces = len(asset.mesh.faces)
     made = {"generator": generator.name, "output": str(written.output), "faces": faces, "params": params}
     print(jsons.dumps(made) if written.json else f"Wrote {written.output}, {faces:,} triangles.")
+    return asset
+
+
+def _note_unknown(painted: Mapping[str, Colour], asset: Asset) -> None:
+    """Say which painted parts the asset lacks: they may be misspelt, or come back with an edit."""
+    names = asset.mesh.part_names
+    if unknown := sorted(painted.keys() - set(names)):
+        print(f"The asset has no part {', '.join(unknown)}, only {', '.join(names)}.", file=sys.stderr)
 
 
 def _draw(assets: list[Asset], written: Written, generator: Generator, path: Path) -> None:

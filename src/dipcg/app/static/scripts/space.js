@@ -62,13 +62,16 @@ export function doubt(parameter, value, { spread, probabilities }) {
 /** An option as Python writes it, which is how the API names it in probabilities and the command takes it. */
 export const spelt = (value) => (typeof value === "boolean" ? (value ? "True" : "False") : String(value));
 
-/** The command line that makes the asset again, to the last digit. */
-export function command({ name, ref, parameters }, { params, format, detail, faces, texture }) {
+/** The command line that makes the asset again, to the last digit and with the colours of the photo. */
+export function command({ name, ref, parameters }, { params, format, detail, faces, texture, colours = {} }) {
   const active = parameters.filter((one) => isActive(parameters, one.name, params));
   const settings = active.map((one) => quoted(`${one.name}=${spelt(params[one.name])}`));
-  const options = [detail !== "standard" && `--detail ${detail}`, faces && `--faces ${faces}`, texture && `--texture ${texture}`];
+  const painted = Object.entries(colours).map(([part, colour]) => quoted(`${part}=${hex(colour)}`));
+  const options = [painted.length && `--paint ${painted.join(" ")}`, detail !== "standard" && `--detail ${detail}`, faces && `--faces ${faces}`, texture && `--texture ${texture}`];
   const file = quoted(`${name}${format}`);
   return ["dipcg sample", quoted(ref ?? name), "--set", ...settings, ...options.filter(Boolean), "-o", file].join(" ");
 }
+
+const hex = (colour) => "#" + colour.map((share) => Math.round(255 * share).toString(16).padStart(2, "0")).join("");
 
 const quoted = (word) => (/^[\w@%+=:,./-]+$/.test(word) ? word : `'${word.replaceAll("'", `'"'"'`)}'`);
