@@ -79,7 +79,9 @@ def _row(name: str, data: str) -> float:
         weights = sum(weight.numel() for weight in inverter.model.parameters())
     ours = [f"{table.mean('estimate', column):.3f}" for table in tables for column in COLUMNS]
     row(name, f"{weights / 1e6:.1f}", *ours, *_theirs(one))
-    return unseen.mean("estimate", "chamfer")
+    distance = unseen.mean("estimate", "chamfer")
+    assert distance is not None, name
+    return distance
 
 
 def _theirs(one: Row) -> list[str]:
