@@ -20,6 +20,7 @@ USUALLY = {
     "data": "20 minutes",
     "detail": "5 minutes",
     "factories": "hours",
+    "figures": "15 minutes",
     "gallery": "a minute",
     "holes": "5 minutes",
     "marathon": "hours",

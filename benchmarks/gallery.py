@@ -21,11 +21,12 @@ COLUMNS = int(os.environ.get("DIPCG_BENCH_COLUMNS", "2"))
 
 def main(out: str, pictures: list[str]) -> None:
     with Inverters([NAMED] if NAMED else []) as inverters:
-        save_image(in_rows([_row(inverters, picture) for picture in pictures], COLUMNS), out)
+        save_image(in_rows([tiles(inverters, picture, NAMED) for picture in pictures], COLUMNS), out)
 
 
-def _row(inverters: Inverters, picture: str) -> np.ndarray:
-    found = estimate(picture, inverters, Options(generator=next(iter(inverters)) if NAMED else None)).estimate
+def tiles(inverters: Inverters, picture: str, generator: str | None = None) -> np.ndarray:
+    """The picture, its estimate from the same camera, and the estimate from aside; recognised by default."""
+    found = estimate(picture, inverters, Options(generator=generator)).estimate
     print(f"{picture}: {found.generator}, {100 * (found.candidates[0].agreement or 0):.0f} % match")
     return side_by_side(found, with_colours(inverters[found.generator].build(found.params), found))[::2, ::2]
 

@@ -121,7 +121,7 @@ def test_an_edit_is_drawn_before_and_after_on_one_scale(tmp_path):
     assert both.shape == (SIDE, 2 * SIDE, 3)
     # The plastic of the ball is bluish, its shadow is not.
     before, after = ((half[..., 2] > half[..., 0] + 1).sum() for half in (both[:, :SIDE], both[:, SIDE:]))
-    assert after / before == pytest.approx(4, rel=0.05), "twice the radius, four times the picture"
+    assert after / before == pytest.approx(4, rel=0.1), "twice the radius, four times the picture, and a little nearer"
 
 
 @pytest.mark.slow

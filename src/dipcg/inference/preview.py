@@ -47,10 +47,13 @@ def contact_sheet(meshes: Sequence[Mesh], path: str | Path, columns: int = 8, si
 
 
 def same_camera(assets: Sequence[Asset], view: View, side: int = SIDE) -> list[Tile]:
-    """A picture of each asset, all from one camera that sees them all."""
-    every = np.concatenate([asset.mesh.vertices for asset in assets])
+    """A picture of each asset, all on one floor and from one camera that sees them all."""
+    standing = [one.mesh.vertices - np.float32([0, 0, one.mesh.bounds[0, 2]]) for one in assets]
+    every = np.concatenate(standing)
     # Vertices of no face are not drawn, but frame the picture and place the camera.
-    framed = [replace(one.mesh, vertices=np.concatenate([one.mesh.vertices, every])) for one in assets]
+    framed = [
+        replace(one.mesh, vertices=np.concatenate([own, every])) for one, own in zip(assets, standing, strict=True)
+    ]
     pairs = zip(framed, assets, strict=True)
     return [over_white(studio.draw(mesh, asset.materials, view, side, MARGIN)) for mesh, asset in pairs]
 
