@@ -60,7 +60,7 @@ def generators_add(
         blender: another Blender to use, or a Python that has bpy; the TOML file remembers it
         function: the function in a Python file that takes a seed or a random number generator
         set: an argument of a program, as name=value
-        seconds: about how long a program or an OpenSCAD file may be looked at
+        seconds: about how long the source may be tried
         output: TOML file to write; beside the source when left out
         json: print what was made as JSON
     """
@@ -71,7 +71,7 @@ def generators_add(
         names = tuple(chain.from_iterable(hold))
         options = Options(object, modifier, blender, parse_settings(range), names, input if ask else None)
         with counter("builds") as update:
-            made = import_blend(Path(source), options, output, update)
+            made = import_blend(Path(source), options, output, update, seconds)
     elif source.endswith(".scad"):
         from dipcg.importing.openscad import import_scad
 

@@ -51,12 +51,13 @@ def import_blend(
     options: Options = Options(),
     output: Path | None = None,
     report: Callable[[int], None] = lambda count: None,
+    seconds: float = 600.0,
 ) -> Imported:
     """Write the TOML file that makes a generator of an object in a Blender file.
 
-    Inputs without limits get a range that is proposed and tried. `report` gets the number of builds so far. Raises
-    ValueError with a sentence for a file or an option that cannot be used, and OSError when a file cannot be read or
-    written.
+    Inputs without limits get a range that is proposed and tried, for about so many seconds. `report` gets the number of
+    builds so far. Raises ValueError with a sentence for a file or an option that cannot be used, and OSError when a
+    file cannot be read or written.
     """
     path = _free(output or blend.with_suffix(".toml"))
     program = check_program(options.blender) if options.blender else ""
@@ -66,15 +67,17 @@ def import_blend(
     top = {"doc": f"{graph['object']}, the Geometry Nodes of {blend.name}.", "blend": str(blend.resolve())}
     top |= {key: graph[key] for key in ("object", "modifier", "group")} | {"sha256": digest(blend), "blender": program}
     values = {name: entry["default"] for name, entry in entries.items()}
+    notes: list[str] = []
     if entries:
         with _draft(top, entries) as draft, Trials(draft, report) as trials:
-            left_out |= probe(trials, entries)
+            removed, notes = probe(trials, entries, seconds)
+            left_out |= removed
     if not entries:
         raise ValueError(f"{blend}: no input of {graph['object']!r} can be a parameter ({_listed(left_out)}).")
     top["blend"] = Path(os.path.relpath(blend.resolve(), path.parent.resolve())).as_posix()
     _write(path, write_declaration(top, entries, path))
     rows = [_row(name, entry, values[name]) for name, entry in entries.items()]
-    return Imported(path, rows, left_out, graph["notes"])
+    return Imported(path, rows, left_out, [*graph["notes"], *notes])
 
 
 def read_inputs(blend: Path, options: Options, program: str = "") -> dict[str, Any]:

@@ -10,7 +10,9 @@ import numpy as np
 
 from dipcg.camera import fit, world_to_camera
 from dipcg.generators import Generator, load_generator
-from dipcg.importing.sensitivity import activated, conditions, far_value, find_effects, options_of
+from dipcg.importing.effects import conditions
+from dipcg.importing.search import find_effects
+from dipcg.importing.starts import activated, far_value, options_of
 from dipcg.importing.surfaces import moved
 from dipcg.importing.trials import Trials
 from dipcg.mesh import Mesh
@@ -143,7 +145,10 @@ def _effects(trials: Trials, space: ParameterSpace, rng: np.random.Generator) ->
     effects = find_effects(space, trials.meshes, rng)
     idle = set(effects.without(space))
     for name in sorted(idle - wrong.keys()):
-        yield Finding(f"{name} changes nothing in any trial; use it in build, or take it out.")
+        if name in effects.sizes:
+            yield Finding(f"{name} changes nothing in any trial; use it in build, or take it out.")
+        else:
+            yield Finding(f"{name} was not tried: no build with it worked, or the others took all the time.", True)
     sound = [name for name in space.names if name not in idle | wrong.keys()]
     for name, when in conditions(space, sound, effects).items():
         for other, options in ((other, tuple(options)) for other, options in when.items()):

@@ -1,140 +1,74 @@
-"""Which parameters change the mesh, and under which options of the choices, found by building."""
+"""What was seen of the parameters of a generator: which change the mesh, and under which options."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
+from dipcg.importing.starts import is_inside, options_of
+from dipcg.space import ParameterSpace, Params, Value
 
-from dipcg.importing.surfaces import moved
-from dipcg.importing.trials import Trials
-from dipcg.mesh import Mesh
-from dipcg.space import Choice, Parameter, ParameterSpace, Params, Value
+# An option counts as one without effect after so many tries.
+TRIES = 3
+UNTRIED = "no time was left to try it, or no build with it worked; give more --seconds"
 
-# Random contexts beside those that differ from the start in one choice.
-RANDOM = 6
-# Other random contexts in which a parameter must change nothing before that is believed.
-DOUBTS = 6
-# Options of a choice other than its own that are tried for an effect.
-OTHERS = 3
-
-# Values of all parameters, and for each parameter that was tried whether changing it alone changes the mesh.
-Seen = tuple[Params, dict[str, bool]]
 # The options of choices by parameter, as in `when`.
-Conditions = dict[str, dict[str, tuple[Value, ...]]]
+Conditions = dict[str, dict[str, Any]]
 
 
-def contexts(space: ParameterSpace, start: Params, rng: np.random.Generator) -> Iterator[Params]:
-    """The start, the start with each option of each choice, and draws of all choices at once."""
-    yield start
-    for choice in choices(space):
-        yield from (start | {choice.name: option} for option in choice.options if option != start[choice.name])
-    for _ in range(RANDOM if choices(space) else 0):
-        yield start | {choice.name: random_option(choice.options, rng) for choice in choices(space)}
+@dataclass
+class Effects:
+    """What was seen: for each parameter how far it moved the surface at most, as a share of the side, and more."""
+
+    sizes: dict[str, float] = field(default_factory=dict)
+    moved_from: dict[str, list[Params]] = field(default_factory=lambda: defaultdict(list))
+    """For each parameter the starts from which it moved the surface"""
+    quiet: dict[tuple[str, str, Value], int] = field(default_factory=lambda: defaultdict(int))
+    """For a parameter, a choice and an option: how often the parameter stopped mattering when only that was changed"""
+    failed: list[str] = field(default_factory=list)
+    """Sentences of builds that failed"""
+    builds: int = 0
+    is_cut_short: bool = False
+    """Whether the time ended before everything was tried"""
+
+    def without(self, space: ParameterSpace) -> list[str]:
+        """The parameters that changed nothing."""
+        return [name for name in space.names if not self.sizes.get(name)]
+
+    def matters_under(self, space: ParameterSpace, name: str, choice: str, option: Value) -> bool:
+        """Whether a parameter was seen to matter under an option, or without the choice."""
+        return any(not space.is_active(choice, one) or one[choice] == option for one in self.moved_from[name])
+
+    def within(self, space: ParameterSpace) -> Effects:
+        """What was seen of the parameters of a smaller space, from starts that lie in it."""
+        kept = Effects({name: size for name, size in self.sizes.items() if name in space})
+        for name in kept.sizes:
+            if starts := [space.canonical(one) for one in self.moved_from[name] if is_inside(space, one)]:
+                kept.moved_from[name] = starts
+        return kept
+
+    def notes(self) -> list[str]:
+        """Sentences about the builds for those who wait for them."""
+        found = [f"{len(self.failed)} of {self.builds} builds failed: {one}" for one in self.failed[:1]]
+        return found + ["Time ended before everything was tried; --seconds gives more."] * self.is_cut_short
 
 
-def observe(trials: Trials, parameters: Sequence[Parameter], params: Params) -> Seen:
-    """For each of the parameters whether changing it changes the mesh; those whose builds all fail are left out."""
-    (plain,) = trials.meshes([params])
-    found: dict[str, bool] = {}
-    if isinstance(plain, str):
-        return params, found
-    others = {p.name: list(_others(p, params[p.name])) for p in parameters}
-    while others:
-        tried = trials.meshes([params | {name: values[0]} for name, values in others.items()])
-        for (name, values), mesh in zip(list(others.items()), tried, strict=True):
-            if isinstance(mesh, Mesh):
-                found[name] = moved(plain, mesh) > 0
-            del values[0]
-            if not values or found.get(name):
-                del others[name]
-    return params, found
+def conditions(space: ParameterSpace, names: Sequence[str], effects: Effects) -> Conditions:
+    """`when` of each of the names: what the space declares, and the options under which there was an effect.
 
-
-def without_effect(trials: Trials, space: ParameterSpace, seen: Sequence[Seen], rng: np.random.Generator) -> set[str]:
-    """Parameters that change the mesh neither in what was seen nor in further random draws."""
-    idle = {p.name for p in space} - {name for _, found in seen for name, changes in found.items() if changes}
-    for _ in range(DOUBTS):
-        _, found = observe(trials, [space[name] for name in sorted(idle)], random_params(space, rng))
-        idle -= {name for name, changes in found.items() if changes}
-    return idle
-
-
-def find_conditions(
-    trials: Trials, space: ParameterSpace, seen: Sequence[Seen], rng: np.random.Generator
-) -> Conditions:
-    """For each parameter that matters only under some options of choices, these choices and options.
-
-    What was seen suggests them; each option that would be excluded is tried again in random draws.
+    Conditions that would lead back to the parameter that has them are left out.
     """
-    found: Conditions = {p.name: _suggested(p.name, space, seen) for p in space}
-    for name, when in found.items():
-        for choice in list(when):
-            _confirm(trials, space, name, choice, when, rng)
-    return without_circles({name: when for name, when in found.items() if when})
+    found: Conditions = {name: dict(space[name].when) for name in names}
+    without = [key for key, times in effects.quiet.items() if times >= TRIES and not effects.matters_under(space, *key)]
+    for name, choice, option in without:
+        if name in names and choice in names and name not in _above(choice, found):
+            options = tuple(o for o in found[name].get(choice, options_of(space, choice)) if o != option)
+            found[name] |= {choice: options} if options else {}
+    return {name: {choice: list(options) for choice, options in when.items()} for name, when in found.items()}
 
 
-def choices(space: ParameterSpace) -> list[Choice]:
-    return [p for p in space if isinstance(p, Choice)]
-
-
-def random_option(options: Sequence[Value], rng: np.random.Generator) -> Value:
-    return options[int(rng.integers(len(options)))]
-
-
-def random_params(space: ParameterSpace, rng: np.random.Generator) -> Params:
-    """A draw of every parameter, also of those that are inactive."""
-    return {p.name: p.decode(rng.uniform(-1, 1)) for p in space}
-
-
-def without_circles(found: Conditions) -> Conditions:
-    """The same without conditions that lead back to the parameter that has them; the first ones stay."""
-    kept: Conditions = {}
-    for name, when in found.items():
-        for choice, options in when.items():
-            if name not in above(choice, kept):
-                kept.setdefault(name, {})[choice] = options
-    return kept
-
-
-def above(name: str, found: Conditions) -> set[str]:
+def _above(name: str, found: Conditions) -> set[str]:
     """A parameter, and all choices that it depends on."""
-    return {name}.union(*(above(choice, found) for choice in found.get(name, ())))
-
-
-def _others(parameter: Parameter, value: Any) -> Iterator[Value]:
-    """Other values to try: the ends of a range, the farther one first, or other options."""
-    if isinstance(parameter, Choice):
-        yield from [option for option in parameter.options if option != value][:OTHERS]
-        return
-    ends = sorted({parameter.low, parameter.high} - {value}, key=lambda end: -abs(end - value))
-    yield from map(float, ends)
-
-
-def _suggested(name: str, space: ParameterSpace, seen: Sequence[Seen]) -> dict[str, tuple[Value, ...]]:
-    """For each choice under some of whose options alone the parameter had an effect, these options."""
-    when = {}
-    for choice in choices(space):
-        known = [(params[choice.name], found[name]) for params, found in seen if name in found]
-        working = {option for option, changes in known if changes}
-        # An option that was never tried may work.
-        allowed = tuple(o for o in choice.options if o in working or o not in {option for option, _ in known})
-        if choice.name != name and working and len(allowed) < len(choice.options):
-            when[choice.name] = allowed
-    return when
-
-
-def _confirm(
-    trials: Trials, space: ParameterSpace, name: str, choice: str, when: dict[str, Any], rng: np.random.Generator
-) -> None:
-    """Try each excluded option again, with all other conditions met, and allow it when it has an effect."""
-    declared = space[choice]
-    assert isinstance(declared, Choice), choice
-    for option in [option for option in declared.options if option not in when[choice]]:
-        others = {key: random_option(options, rng) for key, options in when.items()}
-        draws = [random_params(space, rng) | others | {choice: option} for _ in range(DOUBTS)]
-        if any(observe(trials, [space[name]], params)[1].get(name) for params in draws):
-            when[choice] = tuple(o for o in declared.options if o in when[choice] or o == option)
-    if len(when[choice]) == len(declared.options):
-        del when[choice]
+    return {name}.union(*(_above(choice, found) for choice in found.get(name, ())))

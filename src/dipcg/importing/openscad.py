@@ -10,8 +10,9 @@ import numpy as np
 
 from dipcg.blender.declaration import digest
 from dipcg.generators import load_generator
+from dipcg.importing.effects import Effects, conditions
 from dipcg.importing.imported import Imported, Row
-from dipcg.importing.sensitivity import Effects, conditions, find_effects
+from dipcg.importing.search import find_effects
 from dipcg.openscad.customizer import Entry, customizer
 from dipcg.openscad.declaration import INSTALL, write_scad
 from dipcg.space import Choice, Parameter
@@ -52,8 +53,7 @@ def import_scad(scad: Path, output: Path | None = None, seconds: float = 600.0) 
     kept = {name: entry | {"when": when[name]} for name, entry in entries.items()}
     path.write_text(write_scad(top, kept, path), encoding="utf-8")
     space = load_generator(str(path)).space
-    notes = [f"{len(effects.failed)} of {effects.builds} builds failed: {one}" for one in effects.failed[:1]]
-    return Imported(path, [_row(space[name], entry) for name, entry in kept.items()], left_out, notes)
+    return Imported(path, [_row(space[name], entry) for name, entry in kept.items()], left_out, effects.notes())
 
 
 def _tried(path: Path, scad: Path, seconds: float) -> Effects:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import time
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
 from dipcg.blender.declaration import parameter_of
-from dipcg.importing.effects import contexts, find_conditions, observe, random_params, without_effect
+from dipcg.importing.effects import UNTRIED, Effects, conditions
 from dipcg.importing.limits import NUMBERS
+from dipcg.importing.numbered import trim_options
 from dipcg.importing.proposal import NUMBERED
+from dipcg.importing.search import find_effects, first_effects
+from dipcg.importing.starts import around, random_params
 from dipcg.importing.trials import Trials, Tried
 from dipcg.mesh import Mesh
 from dipcg.mesh.order import differs
@@ -28,33 +32,54 @@ FIXED = "no other value near its own gives a mesh that can be used"
 NO_EFFECT = "it changes nothing in any trial"
 
 
-def probe(trials: Trials, entries: dict[str, Entry]) -> dict[str, str]:
+def probe(trials: Trials, entries: dict[str, Entry], seconds: float) -> tuple[dict[str, str], list[str]]:
     """Fit proposed ranges to what the mesh does, find the conditions, and remove parameters without effect.
 
-    Returns the names of those that are removed with the reasons. The same entries give the same result.
+    Returns the names of those that are removed with the reasons, and sentences about the trials. The same entries give
+    the same result unless the time, about so many seconds, ends before.
     """
-    rng = np.random.default_rng(0)
-    start: Params = {name: entry["default"] for name, entry in entries.items()}
+    rng, until = np.random.default_rng(0), time.monotonic() + seconds
+    _start(trials, entries)
+    starts = list(around(_space(entries), _defaults(entries), rng))
+    found = first_effects(_space(entries), trials.meshes, starts, until)
+    for name, entry in entries.items():
+        if entry["kind"] in NUMBERS and entry["why"] and name in found.moved_from:
+            shrink(trials, name, entry, found.moved_from[name][0])
+    fixed = [name for name, entry in entries.items() if entry["kind"] in NUMBERS and entry["low"] == entry["high"]]
+    left_out = _remove(entries, fixed, FIXED)
+    if not entries:
+        return left_out, []
+    calm(trials, entries, rng)
+    effects = find_effects(_space(entries), trials.meshes, rng, until - time.monotonic(), found.within(_space(entries)))
+    return left_out | _keep_effects(entries, effects), effects.notes()
+
+
+def _start(trials: Trials, entries: dict[str, Entry]) -> None:
+    """Build the maker's values, and fit numbered options and defaults to what there is."""
+    start = _defaults(entries)
     trials.start(start)
     switched = [start, *(start | {n: not start[n]} for n, e in entries.items() if e["kind"] == "boolean")]
     for name, entry in entries.items():
         if entry["why"] == NUMBERED:
             trim_options(trials, name, entry, switched)
-    _fit_defaults(entries)
-    seen = [observe(trials, list(_space(entries)), context) for context in contexts(_space(entries), start, rng)]
-    for name, entry in entries.items():
-        context = next((params for params, found in seen if found.get(name)), None)
-        if entry["kind"] in NUMBERS and entry["why"] and context is not None:
-            shrink(trials, name, entry, context)
-    fixed = [name for name, entry in entries.items() if entry["kind"] in NUMBERS and entry["low"] == entry["high"]]
-    left_out = _remove(entries, fixed, FIXED)
-    if entries:
-        calm(trials, entries, rng)
-        left_out |= _remove(entries, without_effect(trials, _space(entries), seen, rng), NO_EFFECT)
-    if entries:
-        for name, when in find_conditions(trials, _space(entries), seen, rng).items():
-            entries[name]["when"] = {choice: list(options) for choice, options in when.items()}
+    for entry in entries.values():
+        # A default lies inside its range.
+        if entry["kind"] in NUMBERS:
+            entry["default"] = min(max(entry["default"], entry["low"]), entry["high"])
+
+
+def _keep_effects(entries: dict[str, Entry], effects: Effects) -> dict[str, str]:
+    """Remove what does not change the mesh, with the reasons, and say under which options the rest does."""
+    left_out, space = {}, _space(entries)
+    for name in effects.without(space):
+        left_out |= _remove(entries, [name], NO_EFFECT if name in effects.sizes else UNTRIED)
+    for name, when in conditions(space, list(entries), effects).items():
+        entries[name]["when"] = when
     return left_out
+
+
+def _defaults(entries: dict[str, Entry]) -> Params:
+    return {name: entry["default"] for name, entry in entries.items()}
 
 
 def _space(entries: dict[str, Entry]) -> ParameterSpace:
@@ -65,13 +90,6 @@ def _remove(entries: dict[str, Entry], names: Iterable[str], why: str) -> dict[s
     return {entries.pop(name)["name"]: why for name in list(names)}
 
 
-def _fit_defaults(entries: dict[str, Entry]) -> None:
-    """Move values outside the range to its nearest end, because a default lies inside."""
-    for entry in entries.values():
-        if entry["kind"] in NUMBERS:
-            entry["default"] = min(max(entry["default"], entry["low"]), entry["high"])
-
-
 def shrink(trials: Trials, name: str, entry: Entry, context: Params) -> None:
     """Move the ends of a proposed range towards the value of a context, in which the parameter has an effect."""
     value, notes = context[name], []
@@ -79,18 +97,6 @@ def shrink(trials: Trials, name: str, entry: Entry, context: Params) -> None:
         entry[end], why = _usable_end(trials, context, name, value, entry[end])
         notes += [why] if why else []
     entry["why"] = "; ".join([entry["why"], *notes])
-
-
-def trim_options(trials: Trials, name: str, entry: Entry, tried: Sequence[Params]) -> None:
-    """Keep those of the numbered options, 0 and up, that give different meshes in one of the contexts."""
-    numbers = range(entry["low"], entry["high"] + 1)
-    for context in tried:
-        meshes = trials.meshes([context | {name: number} for number in numbers])
-        last = _last_option(meshes)
-        if last > 0:
-            entry["high"] = max(entry["low"] + last, entry["default"])
-            entry["why"] = f"a numbered option; beyond {entry['high']}, nothing new comes"
-            return
 
 
 def calm(trials: Trials, entries: dict[str, Entry], rng: np.random.Generator) -> None:
@@ -136,20 +142,3 @@ def _problem(made: Tried, nearer: Tried) -> str:
     if isinstance(made, str):
         return made
     return UNCHANGED if isinstance(nearer, Mesh) and not differs(made, nearer) else ""
-
-
-def _last_option(meshes: Sequence[Tried]) -> int:
-    """The position of the last mesh before options that are all the same.
-
-    Beyond the last option a program either repeats it or leaves the piece away, in which case the mesh is smaller than
-    all others.
-    """
-    new = [i for i, mesh in enumerate(meshes) if isinstance(mesh, Mesh) and not _is_there(mesh, meshes[:i])]
-    if len(new) < 2 or new[-1] == len(meshes) - 1:
-        return len(new) and new[-1]
-    sizes = [len(mesh.faces) for mesh in (meshes[i] for i in new) if isinstance(mesh, Mesh)]
-    return new[-2] if sizes[-1] < min(sizes[:-1]) else new[-1]
-
-
-def _is_there(mesh: Mesh, others: Sequence[Tried]) -> bool:
-    return any(isinstance(other, Mesh) and not differs(mesh, other) for other in others)

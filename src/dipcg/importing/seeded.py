@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from dipcg.generators import load_generator
+from dipcg.importing.effects import UNTRIED, Effects, conditions
 from dipcg.importing.imported import Imported, Row
-from dipcg.importing.sensitivity import Effects, conditions, find_effects
+from dipcg.importing.search import find_effects
 from dipcg.importing.survey import TIMEOUT_S, Runner, space_of, survey
 from dipcg.registry import allow_code
 from dipcg.space import Choice, Parameter, ParameterSpace
@@ -58,9 +59,8 @@ def import_program(
         raise ValueError(f"{program} has no draw that was seen to change the mesh ({_listed(_grouped(left_out))}).")
     path.write_text(_text(top, entries, path), encoding="utf-8")
     allow_code(path)
-    notes = [f"{len(effects.failed)} of {effects.builds} builds failed: {one}" for one in effects.failed[:1]]
     rows = [_row(name, entry, load_generator(str(path)).space[name]) for name, entry in entries.items()]
-    return Imported(path, rows, _grouped(left_out), notes)
+    return Imported(path, rows, _grouped(left_out), effects.notes())
 
 
 def _with_effects(
@@ -81,7 +81,7 @@ def _with_effects(
 
 def _why(size: float | None) -> str:
     if size is None:
-        return "no time was left to try it, or no build with it worked; give more --seconds"
+        return UNTRIED
     return "moves the surface less than the others" if size else "no effect on the mesh"
 
 

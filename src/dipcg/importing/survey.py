@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dipcg.blender.declaration import parameter_of
-from dipcg.importing.sensitivity import activated
+from dipcg.importing.starts import activated
 from dipcg.importing.surfaces import moved
 from dipcg.mesh import Mesh
 from dipcg.space import Choice, ParameterSpace, Params

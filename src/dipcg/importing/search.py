@@ -4,48 +4,30 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
-from dipcg.importing.effects import Conditions, above, choices, random_option, random_params
+from dipcg.importing.effects import TRIES, Effects
+from dipcg.importing.starts import (
+    FEWEST,
+    MOST,
+    OTHERS,
+    activated,
+    choices,
+    covering,
+    far_value,
+    other_values,
+    random_params,
+)
 from dipcg.importing.surfaces import moved
 from dipcg.mesh import Mesh
-from dipcg.space import Choice, ParameterSpace, Params, Real, Value
+from dipcg.space import ParameterSpace, Params, Value
 
 # Builds parameters in order; an error, or what is wrong in words, stands in the place of a mesh.
 Build = Callable[[Iterable[Params]], Iterable[Mesh | Exception | str]]
 Option = tuple[str, Value]
-
-# Starts from which each parameter is moved, at least and at most: together they have every option of every choice.
-FEWEST, MOST = 3, 6
-# An option counts as one without effect after so many tries.
-TRIES = 3
-
-
-@dataclass
-class Effects:
-    """What was seen: for each parameter how far it moved the surface at most, as a share of the side, and more."""
-
-    sizes: dict[str, float] = field(default_factory=dict)
-    moved_from: dict[str, list[Params]] = field(default_factory=lambda: defaultdict(list))
-    """For each parameter the starts from which it moved the surface"""
-    quiet: dict[tuple[str, str, Value], int] = field(default_factory=lambda: defaultdict(int))
-    """For a parameter, a choice and an option: how often the parameter stopped mattering when only that was changed"""
-    failed: list[str] = field(default_factory=list)
-    """Sentences of builds that failed"""
-    builds: int = 0
-
-    def without(self, space: ParameterSpace) -> list[str]:
-        """The parameters that changed nothing."""
-        return [name for name in space.names if not self.sizes.get(name)]
-
-    def matters_under(self, space: ParameterSpace, name: str, choice: str, option: Value) -> bool:
-        """Whether a parameter was seen to matter under an option, or without the choice."""
-        return any(not space.is_active(choice, one) or one[choice] == option for one in self.moved_from[name])
 
 
 @dataclass(frozen=True)
@@ -57,13 +39,25 @@ class _Trial:
     """The option that was given to a start from which the parameter mattered"""
 
 
-def find_effects(space: ParameterSpace, build: Build, rng: np.random.Generator, seconds: float = 600.0) -> Effects:
+def first_effects(space: ParameterSpace, build: Build, starts: Sequence[Params], until: float) -> Effects:
+    """Move each parameter from one start after the other until it matters; other values follow where none does."""
+    found = Effects()
+    for turn, start in itertools.product(range(OTHERS), starts):
+        others = {name: other_values(space[name], start[name])[turn:] for name in found.without(space)}
+        trials = [_Trial(name, start, start | {name: left[0]}) for name, left in others.items() if left]
+        _run(space, trials, build, found, until)
+    return found
+
+
+def find_effects(
+    space: ParameterSpace, build: Build, rng: np.random.Generator, seconds: float = 600.0, found: Effects | None = None
+) -> Effects:
     """Move every parameter from several starts, and look again under options where it seemed to do nothing.
 
     There, only the option is changed in a start from which the parameter matters, because in a random start something
-    else may be the reason. It stops asking for builds after so many seconds.
+    else may be the reason. It stops asking for builds after so many seconds. What was `found` before counts too.
     """
-    found = Effects()
+    found = found or Effects()
     until = time.monotonic() + seconds
     _run(space, _covered(space, space.names, rng), build, found, until)
     for _ in range(TRIES):
@@ -74,72 +68,23 @@ def find_effects(space: ParameterSpace, build: Build, rng: np.random.Generator, 
     return found
 
 
-def covering(space: ParameterSpace, rng: np.random.Generator) -> list[Params]:
-    """Random parameters which together have every option of every choice that the others leave active."""
-    every = choices(space)
-    count = min(max([FEWEST, *(len(c.options) for c in every)]), MOST)
-    orders = {c.name: rng.permutation(max(count, len(c.options))) for c in every}
-    starts = []
-    for i in range(count):
-        options = {c.name: c.options[orders[c.name][i] % len(c.options)] for c in every}
-        starts.append(space.canonical(random_params(space, rng) | options))
-    return starts
-
-
-def activated(space: ParameterSpace, name: str, rng: np.random.Generator, start: Params | None = None) -> Params:
-    """Random parameters, or those of `start`, with choices changed so that `name` is active."""
-    params = random_params(space, rng) if start is None else dict(start)
-    waiting = [name]
-    while waiting:
-        for other, allowed in space[waiting.pop()].when.items():
-            waiting.append(other)
-            if params[other] not in allowed:
-                params[other] = random_option(allowed, rng)
-    return space.canonical(params)
-
-
-def far_value(parameter: Real | Choice, value: Value, rng: np.random.Generator) -> Value:
-    """The farther end of a real parameter's range, or another option of a choice."""
-    if isinstance(parameter, Real):
-        return parameter.low if parameter.encode(value) > 0 else parameter.high
-    return random_option([option for option in parameter.options if option != value], rng)
-
-
-def options_of(space: ParameterSpace, choice: str) -> tuple[Value, ...]:
-    """The options of a choice."""
-    parameter = space[choice]
-    assert isinstance(parameter, Choice)
-    return parameter.options
-
-
-def conditions(space: ParameterSpace, names: Sequence[str], effects: Effects) -> dict[str, dict[str, Any]]:
-    """`when` of each of the names: what the space declares, and the options under which there was an effect.
-
-    Conditions that would lead back to the parameter that has them are left out.
-    """
-    found: Conditions = {name: dict(space[name].when) for name in names}
-    without = [key for key, times in effects.quiet.items() if times >= TRIES and not effects.matters_under(space, *key)]
-    for name, choice, option in without:
-        if name in names and choice in names and name not in above(choice, found):
-            options = tuple(o for o in found[name].get(choice, options_of(space, choice)) if o != option)
-            found[name] |= {choice: options} if options else {}
-    return {name: {choice: list(options) for choice, options in when.items()} for name, when in found.items()}
-
-
 def _run(space: ParameterSpace, trials: Sequence[_Trial], build: Build, found: Effects, until: float) -> None:
     """Build the starts and the changed parameters, and note where there was an effect."""
     trials = sorted(trials, key=lambda trial: repr(trial.start))
     wanted = list(_interleaved(trials))
     taken = itertools.takewhile(lambda _: time.monotonic() < until, (params for _, params in wanted))
     before: Mesh | Exception | str = ""
+    built = 0
     for (trial, _), mesh in zip(wanted, build(taken), strict=False):
-        found.builds += 1
+        built += 1
         if not isinstance(mesh, Mesh):
             found.failed.append(str(mesh))
         if trial is None:
             before = mesh
         elif isinstance(before, Mesh) and isinstance(mesh, Mesh):
             _note(space, trial, moved(before, mesh), found)
+    found.builds += built
+    found.is_cut_short |= built < len(wanted)
 
 
 def _note(space: ParameterSpace, trial: _Trial, size: float, found: Effects) -> None:
