@@ -38,7 +38,7 @@ FOLDERS = (
 )
 SHAPES = 4
 # The longest reason in the table, in characters.
-REASON = 160
+REASON = 240
 SIZE, COLUMNS, GALLERY = 128, 8, 40
 
 

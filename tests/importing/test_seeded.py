@@ -154,6 +154,7 @@ def test_a_program_that_has_changed_is_refused(tower, tmp_path):
         ("def make(seed, width, depth):\n    return None", "needs the arguments width, depth"),
         ("import time\ndef make(seed):\n    return _wide(time.time() % 1)", "uses the clock"),
         ("import os\ndef make(seed):\n    return _wide(1 + os.urandom(1)[0])", "os.urandom"),
+        ("import os\ndef make(seed):\n    return _wide(1 + 1e-6 * os.urandom(1)[0])", "ties by chance"),
         ("import os\ndef make(seed):\n    os.fork()", "a copy of its process"),
         ("def make(seed):\n    for _ in range(10000): uniform()", "more than 5,000 times"),
         ("def make(seed):\n    return _wide(float(input('width? ')))", "asks for input"),

@@ -26,6 +26,8 @@ MORE_RUNS = 24
 ROUNDS = 4
 # Builds that are made again in another process.
 REPEATS = 4
+# Meshes that differ by less than this share of their longest side have the same design.
+SLIGHT = 1e-3
 # A process is replaced after so many runs, because Blender slows down as it works.
 RECYCLE_AFTER = 150
 
@@ -89,11 +91,9 @@ class Runner:
         if not pairs:
             failed = next(one for one in [*first, *again] if not isinstance(one, Mesh))
             raise ValueError(f"{self.program} fails with other values than its own: {failed}")
-        if any(moved(a, b) for a, b in pairs):
-            raise ValueError(
-                f"{self.program} makes another mesh each time from the same draws: it uses the clock, os.urandom, the "
-                "order of a set, or something else that no seed decides."
-            )
+        apart = [moved(a, b) for a, b in pairs]
+        if any(apart):
+            raise ValueError(f"{self.program} makes another mesh each time from the same draws: {_by_chance(apart)}")
 
     def stop(self) -> None:
         """End the process."""
@@ -161,6 +161,15 @@ def _aimed(entries: Mapping[str, Entry], rng: np.random.Generator, turn: int) ->
 def space_of(entries: Mapping[str, Entry]) -> ParameterSpace:
     """The parameter space that entries of a declaration make."""
     return ParameterSpace(*(parameter_of(name, entry) for name, entry in entries.items()))
+
+
+def _by_chance(apart: Sequence[float]) -> str:
+    """How far meshes of the same draws are apart, and what may be the reason."""
+    share = f"{100 * max(apart):.2g} % of the longest side"
+    tries = f"in {sum(map(bool, apart))} of {len(apart)} tries they differ by up to {share}"
+    if max(apart) < SLIGHT:
+        return f"{tries}. Code that is not Python decides ties by chance, such as an operator of Blender."
+    return f"{tries}. It uses the clock, os.urandom, the order of a set, or something else that no seed decides."
 
 
 def _seen(plain: Mapping[str, Any]) -> Seen:
