@@ -14,7 +14,7 @@ from typing import Any
 
 from dipcg.blender.declaration import digest, read_declaration, write_declaration
 from dipcg.importing.header import saved_by
-from dipcg.importing.imported import Imported, Row
+from dipcg.importing.imported import Imported, Row, listed
 from dipcg.importing.limits import NUMBERS, set_limits
 from dipcg.importing.probing import probe
 from dipcg.importing.program import check_program
@@ -73,7 +73,9 @@ def import_blend(
             removed, notes = probe(trials, entries, seconds)
             left_out |= removed
     if not entries:
-        raise ValueError(f"{blend}: no input of {graph['object']!r} can be a parameter ({_listed(left_out)}).")
+        raise ValueError(
+            f"{blend}: no input of {graph['object']!r} can be a parameter ({listed(left_out, 'it has none')})."
+        )
     top["blend"] = Path(os.path.relpath(blend.resolve(), path.parent.resolve())).as_posix()
     _write(path, write_declaration(top, entries, path))
     rows = [_row(name, entry, values[name]) for name, entry in entries.items()]
@@ -148,10 +150,6 @@ def _write(path: Path, text: str) -> None:
     except ValueError:
         path.unlink()
         raise
-
-
-def _listed(left_out: dict[str, str]) -> str:
-    return "; ".join(f"{name}: {why}" for name, why in left_out.items()) or "it has none"
 
 
 def _row(name: str, entry: Entry, value: Any) -> Row:

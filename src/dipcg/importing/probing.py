@@ -38,8 +38,9 @@ def probe(trials: Trials, entries: dict[str, Entry], seconds: float) -> tuple[di
     Returns the names of those that are removed with the reasons, and sentences about the trials. The same entries give
     the same result unless the time, about so many seconds, ends before.
     """
-    rng, until = np.random.default_rng(0), time.monotonic() + seconds
     _start(trials, entries)
+    # Blender's own start does not count.
+    rng, until = np.random.default_rng(0), time.monotonic() + seconds
     starts = list(around(_space(entries), _defaults(entries), rng))
     found = first_effects(_space(entries), trials.meshes, starts, until)
     for name, entry in entries.items():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from dipcg.generators import load_generator
 from dipcg.importing.effects import UNTRIED, Effects, conditions
-from dipcg.importing.imported import Imported, Row
+from dipcg.importing.imported import Imported, Row, grouped, listed
 from dipcg.importing.search import find_effects
 from dipcg.importing.survey import TIMEOUT_S, Runner, space_of, survey
 from dipcg.registry import allow_code
@@ -22,8 +22,6 @@ from dipcg.tracing.parameters import Entry
 from dipcg.tracing.programs import full_name, only_function
 from dipcg.tracing.sites import snake
 
-# Names that are listed for each reason to leave draws out.
-NAMES_SHOWN = 12
 # A model with more parameters than this learns too slowly; those that move the surface least are left out.
 MAX_PARAMETERS = 48
 
@@ -52,15 +50,15 @@ def import_program(
     with Runner(program, seed, top["arguments"]) as runner:
         entries, left_out = survey(runner, until - 0.5 * seconds)
         if not entries:
-            raise ValueError(f"{program} has no draw that can be a parameter ({_listed(left_out)}).")
+            raise ValueError(f"{program} has no draw that can be a parameter ({listed(left_out, 'it draws nothing')}).")
         runner.check_repeats(entries)
         effects, entries, left_out = _with_effects(runner, entries, left_out, until)
     if not entries:
-        raise ValueError(f"{program} has no draw that was seen to change the mesh ({_listed(_grouped(left_out))}).")
+        raise ValueError(f"{program} has no draw that was seen to change the mesh ({listed(left_out)}).")
     path.write_text(_text(top, entries, path), encoding="utf-8")
     allow_code(path)
     rows = [_row(name, entry, load_generator(str(path)).space[name]) for name, entry in entries.items()]
-    return Imported(path, rows, _grouped(left_out), effects.notes())
+    return Imported(path, rows, grouped(left_out), effects.notes())
 
 
 def _with_effects(
@@ -110,19 +108,6 @@ def _row(name: str, entry: Entry, parameter: Parameter) -> Row:
     return Row(name, value, allowed, entry["doc"])
 
 
-def _grouped(left_out: Mapping[str, str]) -> dict[str, str]:
-    """Draws by the reason why they are left out, with a few names for each."""
-    by_reason: dict[str, list[str]] = {}
-    for name, why in left_out.items():
-        by_reason.setdefault(why, []).append(name)
-    return {_few(names): why for why, names in by_reason.items()}
-
-
-def _few(names: Sequence[str]) -> str:
-    more = len(names) - NAMES_SHOWN
-    return ", ".join(names[:NAMES_SHOWN]) + (f" and {more} more" if more > 0 else "")
-
-
 def _doc(program: str) -> str:
     place, _, name = program.rpartition(":")
     return f"{name} of {Path(place).name}, with its random draws as parameters."
@@ -131,7 +116,3 @@ def _doc(program: str) -> str:
 def _output(program: str) -> Path:
     place, _, name = program.rpartition(":")
     return Path(place).with_suffix(".toml") if place.endswith(".py") else Path(f"{snake(name)}.toml")
-
-
-def _listed(left_out: Mapping[str, str]) -> str:
-    return "; ".join(f"{name}: {why}" for name, why in left_out.items()) or "it draws nothing"
