@@ -18,7 +18,7 @@ from dipcg.camera import VIEW_NUMBERS, decode_view, encode_view
 from dipcg.encoders import Features, encoder_input
 from dipcg.export.asset import Asset
 from dipcg.generators import Detail, Generator
-from dipcg.images import Background, Cutout, Source, prepare
+from dipcg.images import Background, Cutout, Source, cut_out
 from dipcg.model.alternatives import alternatives
 from dipcg.model.checkpoint import load_checkpoint
 from dipcg.model.constraints import check_fixed, encode_all_fixed, needed_options
@@ -45,6 +45,7 @@ class Asked(NamedTuple):
 
     picture: UInt8[np.ndarray, "s s 4"]
     background: Background | Literal["words"]
+    ground: tuple[float, float, float] | None
     seed: int
     fixed: Mapping[str, Any]
 
@@ -104,7 +105,7 @@ class Inverter:
             raise ValueError("Give at least one picture.")
         prepared = [self._prepare(image) for image in images]
         asked = [Asked(*prepared[0], seed, fixed or {})]
-        return self._estimate(self.features(*(picture for picture, _ in prepared)), asked, candidates, steps)[0]
+        return self._estimate(self.features(*(picture for picture, *_ in prepared)), asked, candidates, steps)[0]
 
     @torch.inference_mode()
     def estimate_many(
@@ -135,7 +136,7 @@ class Inverter:
         if self.image_size:
             raise ValueError("This checkpoint reads pictures, not words; give it a picture.")
         features = self.model.encoder(embed([check_text(text)]))
-        return self._estimate(features, [Asked(NO_PICTURE, "words", seed, fixed or {})], candidates, steps)[0]
+        return self._estimate(features, [Asked(NO_PICTURE, "words", None, seed, fixed or {})], candidates, steps)[0]
 
     @torch.inference_mode()
     def guess(self, image: Source | Cutout) -> Candidate:
@@ -175,10 +176,13 @@ class Inverter:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _prepare(self, image: Source | Cutout) -> tuple[UInt8[np.ndarray, "s s 4"], Background]:
+    def _prepare(
+        self, image: Source | Cutout
+    ) -> tuple[UInt8[np.ndarray, "s s 4"], Background, tuple[float, float, float] | None]:
         if not self.image_size:
             raise ValueError("This checkpoint reads words, not pictures; give it a text.")
-        return prepare(image, self.image_size)
+        cutout = cut_out(image)
+        return cutout.crop(self.image_size), cutout.background, cutout.ground
 
     def _estimate(
         self, features: Features, asked: Sequence[Asked], candidates: int, steps: int | None
@@ -253,6 +257,7 @@ class Inverter:
             probabilities=probabilities,
             image=asked.picture,
             background=asked.background,
+            ground=asked.ground,
             expected=expected,
             fixed=fixed,
         )

@@ -43,6 +43,7 @@ class Estimate:
 
     The others are samples and, of each choice that is doubtful, expected candidates with another option assumed.
 
+    `ground` is the colour that the picture was cut out of, in sRGB from 0 to 1, where it was plain and is known.
     `generator` is a name, `ref` that name or a file, as `load_generator` reads it. `spread` has for each parameter the
     standard deviation over the samples (reals, in natural units) or the share of samples that agree with the expected
     candidate (choices). `probabilities` has those of the options of each choice, where the choice is active. `expected`
@@ -59,6 +60,7 @@ class Estimate:
     background: Background | Literal["words"]
     expected: Candidate
     fixed: Params = field(default_factory=dict)
+    ground: tuple[float, float, float] | None = None
     misfit: float | None = None
     trace: list[Step] = field(default_factory=list)
 

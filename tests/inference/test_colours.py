@@ -10,7 +10,7 @@ from dipcg.camera import View
 from dipcg.images import MARGIN
 from dipcg.inference.colours import photo_colours, with_colours
 from dipcg.materials import check_colours, coloured, finishes, part_colours
-from dipcg.mesh import join
+from dipcg.mesh import Mesh, join
 from dipcg.parameter_file import document_from_json
 from dipcg.render import Look, Renderer
 from dipcg.render.studio import draw
@@ -34,22 +34,59 @@ def test_each_part_gets_the_colour_that_the_photo_shows_there(asset, photo):
     np.testing.assert_allclose([found[part] for part in asset.mesh.part_names], photo[1], atol=0.02)
 
 
-def test_a_thin_part_beside_its_picture_has_no_colour_of_its_own():
-    """A bar of which the photograph shows the ground, and the legs that it belongs to."""
+WOOD, RED, WHITE = (0.6, 0.4, 0.2), (0.8, 0.1, 0.1), (1.0, 1.0, 1.0)
+
+
+def stool(bar_z: float = 0.0) -> Mesh:
+    """A leg, a seat, and a thin bar at some height."""
     blocks = {"leg": [0.1, 0.1, 1.0], "bar": [0.9, 0.02, 0.02], "seat": [1.0, 1.0, 0.2]}
-    places = {"leg": [0, 0, 0], "bar": [0.5, 0, 0], "seat": [0.2, 0, 0.7]}
+    places = {"leg": [0, 0, 0], "bar": [0.5, 0, bar_z], "seat": [0.2, 0, 0.7]}
     solids = [trimesh.creation.box(size) for size in blocks.values()]
-    moved = [(part, box.vertices + places[part], box.faces) for part, box in zip(blocks, solids, strict=True)]
-    mesh, wood, red = join(moved), (0.6, 0.4, 0.2), (0.8, 0.1, 0.1)
-    shown = {"leg": wood, "bar": (1.0, 1.0, 1.0), "seat": red}
+    return join([(part, box.vertices + places[part], box.faces) for part, box in zip(blocks, solids, strict=True)])
+
+
+def picture_of(mesh: Mesh, shown: dict[str, tuple[float, float, float]]) -> np.ndarray:
     renderer, look = Renderer(256), np.array([shown[part] for part in mesh.part_names])
     picture = renderer.render(mesh, VIEW, Look(look, strengths=np.zeros(2), ambient=1.0), MARGIN)
     renderer.close()
+    return picture
+
+
+def test_a_thin_part_beside_its_picture_has_no_colour_of_its_own():
+    """A bar of which the photograph shows the ground, and the legs that it belongs to."""
+    mesh = stool()
+    picture = picture_of(mesh, {"leg": WOOD, "bar": WHITE, "seat": RED})
     found = photo_colours(picture, mesh, VIEW, "chair")
     assert set(found) == {"leg", "seat"}
-    np.testing.assert_allclose(found["leg"], wood, atol=0.02)
+    np.testing.assert_allclose(found["leg"], WOOD, atol=0.02)
     # Parts of which nobody knows what they are made of are no kin.
     assert set(photo_colours(picture, mesh, VIEW, "")) == {"leg", "bar", "seat"}
+
+
+@pytest.mark.parametrize("ground", [(1.0, 1.0, 1.0), (0.35, 0.5, 0.65)])
+@pytest.mark.parametrize("off", [-0.05, 0.04])
+@pytest.mark.parametrize("generator", ["", "chair"])
+def test_a_thin_part_beside_its_picture_takes_nothing_of_ground_that_the_cut_out_left(ground, off, generator):
+    picture = picture_of(stool(off), {"leg": WOOD, "bar": WOOD, "seat": RED})
+    rows, columns = np.nonzero(picture[..., 3])
+    left = np.zeros(picture.shape[:2], bool)
+    left[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1] = True
+    # As a cut-out that keeps all ground around the bar, in a soft shadow.
+    alpha = picture[..., 3:] / 255
+    picture[..., :3] = np.rint(picture[..., :3] * alpha + 255 * 0.95 * np.array(ground) * (1 - alpha))
+    picture[..., 3] = np.where(left, 255, 0)
+    found = photo_colours(picture, stool(), VIEW, generator, ground)
+    for part in found.keys() & {"leg", "bar"}:
+        np.testing.assert_allclose(found[part], WOOD, atol=0.03)
+    assert "leg" in found
+    assert "bar" in found or generator == "chair"
+
+
+def test_an_object_as_pale_as_the_ground_keeps_its_colour():
+    mesh, pale = stool(), (0.97, 0.96, 0.95)
+    found = photo_colours(picture_of(mesh, dict.fromkeys(mesh.part_names, pale)), mesh, VIEW, "chair", WHITE)
+    assert set(found) >= {"leg", "seat"}
+    np.testing.assert_allclose(list(found.values()), [pale] * len(found), atol=0.01)
 
 
 def test_a_part_that_is_not_seen_has_no_colour_of_its_own(asset, photo):

@@ -40,6 +40,15 @@ class Cutout:
     notes: tuple[str, ...] = ()
     """sentences about the picture that its user should know"""
 
+    @property
+    def ground(self) -> tuple[float, float, float] | None:
+        """The median colour of a plain ground that was cut away, in sRGB from 0 to 1; None for other grounds."""
+        away = self.image[self.image[..., 3] < 16][:, :3]
+        if self.background != "plain" or not len(away):
+            return None
+        red, green, blue = (float(value) / 255 for value in np.median(away, axis=0))
+        return red, green, blue
+
     def crop(self, size: int) -> UInt8[np.ndarray, "size size 4"]:
         """The object as a network of this input size is given it."""
         return crop_to_object(self.image, size)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
-import cv2
 import numpy as np
-from jaxtyping import Bool, UInt8
+from jaxtyping import Int, UInt8
 
 from dipcg.camera import View
 from dipcg.export.asset import Asset
 from dipcg.images import MARGIN, crop_to_object, prepare
 from dipcg.inference.compare import is_line_drawing
+from dipcg.inference.samples import Sample, samples
 from dipcg.materials import NEUTRAL, Colour, as_colour, family, part_colours
 from dipcg.mesh import Mesh
 from dipcg.render import Look, Renderer
@@ -20,10 +20,8 @@ from dipcg.results import Estimate
 
 Colours = Literal["photo", "material", "parts"]
 SIDE = 256
-# A part is seen where this many pixels are its own and not at its edge.
-LEAST_PIXELS = 12
-# Half of the width in pixels from which a part is surely met.
-THICK = 3.5
+# Half of the width in pixels from which a part is surely met; less where pixels of the ground can be told.
+THICK, THICK_ON_GROUND = 3.5, 2.5
 
 
 def with_colours(asset: Asset, estimate: Estimate | None = None, colours: Colours = "photo") -> Asset:
@@ -42,47 +40,44 @@ def seen_colours(estimate: Estimate, mesh: Mesh, view: View) -> dict[str, Colour
     """The colours of the picture on the parts that it shows; none for a sentence, or for a line drawing."""
     if estimate.background == "words" or is_line_drawing(crop_to_object(estimate.image, SIDE)):
         return {}
-    return photo_colours(estimate.image, mesh, view, estimate.ref)
+    return photo_colours(estimate.image, mesh, view, estimate.ref, estimate.ground)
 
 
-def photo_colours(image: UInt8[np.ndarray, "h w 4"], mesh: Mesh, view: View, generator: str = "") -> dict[str, Colour]:
-    """For each part that is seen the median colour of what the photograph shows there.
+def photo_colours(
+    image: UInt8[np.ndarray, "h w 4"],
+    mesh: Mesh,
+    view: View,
+    generator: str = "",
+    ground: Colour | None = None,
+) -> dict[str, Colour]:
+    """For each part that is seen the median colour of the pixels that show it, as `samples` finds them.
 
-    Pixels at the edge of a part or of the object are left out, and parts that are thinner than what an estimate is off
-    by: they may lie beside themselves in the photograph, on the ground. A thin part counts as seen only where no part
-    of its family is thicker. Where the estimate does not meet the object in the photograph, no part is seen.
+    A thin part, which an estimate that is a little off shows beside itself, counts as seen only where no part of its
+    family is thicker, and one that may show the `ground` only where none of its family surely shows itself. Where the
+    estimate does not meet the object in the photograph, no part is seen.
     """
     picture = prepare(np.ascontiguousarray(image), SIDE)[0]
-    seen = _seen(mesh, view)
-    kernel = np.ones((3, 3), np.uint8)
-    inside = np.asarray(cv2.erode((picture[..., 3] > 250).astype(np.uint8), kernel), np.uint8) > 0
-    own = {name: inside & (seen == part) for part, name in enumerate(mesh.part_names)}
-    clear = _clear({name: here for name, here in own.items() if here.sum() >= LEAST_PIXELS}, generator)
-    return {name: as_colour(np.median(picture[own[name]][:, :3], axis=0) / 255) for name in clear}
+    found = samples(picture, _drawn(mesh, view), len(mesh.part_names), ground)
+    sure = _sure({mesh.part_names[part]: sample for part, sample in found.items()}, generator, ground)
+    return {name: as_colour(np.median(picture[one.where][:, :3], axis=0) / 255) for name, one in sure.items()}
 
 
-def _clear(own: dict[str, Bool[np.ndarray, "h w"]], generator: str) -> list[str]:
-    """The parts that are thick, and those that are the thickest of their family or have none."""
-    half = {name: _half_width(here) for name, here in own.items()}
-    kinds = {name: kind if (kind := family(generator, name)) != NEUTRAL else name for name in own}
-    thickest = {kind: max(half[name] for name in own if kinds[name] == kind) for kind in kinds.values()}
-    return [name for name in own if half[name] >= min(THICK, thickest[kinds[name]])]
+def _sure(found: dict[str, Sample], generator: str, ground: Colour | None) -> dict[str, Sample]:
+    """The parts that are thick, or the thickest of their family; those in doubt only where all of the family are."""
+    kinds = {name: kind if (kind := family(generator, name)) != NEUTRAL else name for name in found}
+    clear = {kinds[name] for name, one in found.items() if not one.doubtful}
+    left = {name: one for name, one in found.items() if not (one.doubtful and kinds[name] in clear)}
+    thickest = {kind: max(one.half for name, one in left.items() if kinds[name] == kind) for kind in kinds.values()}
+    thick = THICK if ground is None else THICK_ON_GROUND
+    return {name: one for name, one in left.items() if one.half >= min(thick, thickest[kinds[name]])}
 
 
-def _half_width(where: Bool[np.ndarray, "h w"]) -> float:
-    """The largest distance of a pixel to the edge of the region."""
-    return float(cv2.distanceTransform(where.astype(np.uint8), cv2.DIST_L2, 5).max())
-
-
-def _seen(mesh: Mesh, view: View) -> np.ndarray:
-    """For each pixel the part that is seen there, -1 at edges and where there is none."""
+def _drawn(mesh: Mesh, view: View) -> Int[np.ndarray, "s s"]:
+    """For each pixel the part that is seen there, -1 where there is none."""
     levels = np.arange(1, len(mesh.part_names) + 1) / 255
     # The renderer draws the square of a colour and takes the root again; without lights the colour stays as it is.
     flat = Look(np.repeat(levels[:, None], 3, 1), np.ones((1, 3)), np.zeros(1), ambient=1.0)
     renderer = Renderer(SIDE)
     drawn = renderer.render(mesh, view, flat, MARGIN)
     renderer.close()
-    part = np.where(drawn[..., 3] == 255, drawn[..., 0].astype(int) - 1, -1)
-    kernel = np.ones((3, 3), np.uint8)
-    same = cv2.erode((part + 1).astype(np.uint8), kernel) == cv2.dilate((part + 1).astype(np.uint8), kernel)
-    return np.where(same, part, -1)
+    return np.where(drawn[..., 3] == 255, drawn[..., 0].astype(int) - 1, -1)
