@@ -9,15 +9,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float, Float32, Int
 
 from dipcg.mesh import Mesh, Solid, chosen, join
-from dipcg.mesh.copies import Copies, find_copies, without_copies
+from dipcg.mesh.copies import Copies, find_copies, solids, without_copies
 from dipcg.mesh.simplify import compact, simplify_parts, weld
 from dipcg.mesh.surface import corner_normals, vertex_normals
 
 # How far the simplifier may move the surface, as a share of the longest side: its own mean error by quadrics.
 TOLERANCE = 0.0003
+# A solid longer than so many times what the simplifier may move keeps this share of its length.
+LONG, KEPT = 4.0, 0.8
 
 
 def standard(mesh: Mesh, tolerance: float = TOLERANCE) -> Mesh:
@@ -35,8 +37,32 @@ def standard(mesh: Mesh, tolerance: float = TOLERANCE) -> Mesh:
 def _simplified(mesh: Mesh, metres: float) -> Mesh:
     # Vertices of no face would make the grid of `weld` coarser.
     full = weld(compact(mesh))
-    small = simplify_parts(full, 0.0, metres, vertex_normals(full))
+    small = _with_threads(full, metres, vertex_normals(full))
     return compact(replace(small, normals=corner_normals(small, full=full)))
+
+
+def _with_threads(full: Mesh, metres: float, normals: Float32[np.ndarray, "v 3"]) -> Mesh:
+    """The welded mesh simplified, where a solid that is long and thin, and would vanish, is simplified less."""
+    small = simplify_parts(full, 0.0, metres, normals)
+    numbers = np.full(len(full.vertices), -1)
+    numbers[full.faces] = solids(full)[:, None]
+    before, after = (_lengths(mesh, numbers) for mesh in (full, small))
+    lost = (before > LONG * metres) & (after < KEPT * before)
+    if not lost.any():
+        return small
+    threads = _with_threads(chosen(full, lost[numbers[full.faces[:, 0]]]), metres / 3, normals)
+    rest = chosen(small, ~lost[numbers[small.faces[:, 0]]])
+    faces, parts = (np.concatenate([getattr(one, name) for one in (rest, threads)]) for name in ("faces", "parts"))
+    return Mesh(full.vertices, faces, parts, full.part_names)
+
+
+def _lengths(mesh: Mesh, numbers: Int[np.ndarray, " v"]) -> Float[np.ndarray, " s"]:
+    """The longest side of each solid, by the solid of each vertex; 0 for one without a face."""
+    low, high = np.full((numbers.max() + 1, 3), np.inf), np.full((numbers.max() + 1, 3), -np.inf)
+    used = np.unique(mesh.faces)
+    np.minimum.at(low, numbers[used], mesh.vertices[used])
+    np.maximum.at(high, numbers[used], mesh.vertices[used])
+    return np.maximum(high - low, 0).max(1)
 
 
 def _copied(mesh: Mesh, copies: Copies, tolerance: float) -> Mesh:
