@@ -48,7 +48,9 @@ def samples(
     inner = _inner(drawn)
     # What is as thin as an edge in the photograph is seen at its edges alone.
     edges = _found(solid, inner, drawn, pale, parts)
-    return edges | _found(cv2.erode(solid.astype(np.uint8), KERNEL) > 0, inner, drawn, pale, parts)
+    return edges | _found(
+        np.asarray(cv2.erode(solid.astype(np.uint8), KERNEL), np.uint8) > 0, inner, drawn, pale, parts
+    )
 
 
 def _found(solid: Where, own: Int[np.ndarray, "s s"], drawn: Int[np.ndarray, "s s"], pale: Where, parts: int) -> Found:
@@ -82,7 +84,8 @@ def _like_ground(picture: Picture, ground: tuple[float, float, float] | None) ->
     if ground is None:
         return np.zeros(picture.shape[:2], bool)
     lab = to_lab(picture)
-    lightness, *chroma = to_lab(np.uint8([[[*(255 * np.array(ground)), 255]]]))[0, 0]
+    one = np.rint(255 * np.array([[[*ground, 1.0]]])).astype(np.uint8)
+    lightness, *chroma = to_lab(one)[0, 0]
     same = np.linalg.norm(lab[..., 1:] - np.array(chroma), axis=-1) < GROUND_CHROMA
     return same & (lab[..., 0] > GROUND_SHADE * lightness) & (lab[..., 0] < lightness + GROUND_CHROMA)
 
