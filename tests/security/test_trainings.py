@@ -1,7 +1,6 @@
 """Generators of strangers: nothing is learned unless the server says so, and then no file runs code or reads others."""
 
 import json
-from pathlib import Path
 
 import pytest
 from attacking import head, sent
@@ -16,19 +15,6 @@ from dipcg.importing.program import allow_program
 
 PYTHON = b"import random\ndef make(seed): return random.Random(seed).random()\n"
 BLENDER, BLENDER_5 = b"BLENDER-v402", b"BLENDER17-01v0501"
-
-
-@pytest.fixture
-def folder(tmp_path) -> Path:
-    return tmp_path / "learned"
-
-
-@pytest.fixture
-def learning(studio, folder, tmp_path, monkeypatch):
-    """A client of a server that learns, whose process never begins."""
-    monkeypatch.setattr(training_queue, "PROGRAM", "this")
-    with serving(studio, tmp_path / "served", learn=folder) as address:
-        yield Client(address)
 
 
 def test_a_server_learns_nothing_unless_it_was_told_to(address):

@@ -54,8 +54,7 @@ class Client:
 
     def upload(self, picture: str | Path | bytes) -> str:
         """Send a picture, from a file or as bytes; returns its id."""
-        content = picture if isinstance(picture, bytes) else Path(picture).read_bytes()
-        return self._parsed(self.send("POST", "/pictures", content, "image/*"))["id"]
+        return self._parsed(self.send("POST", "/pictures", _bytes(picture), "image/*"))["id"]
 
     def cut_out(self, picture: str, **corrections: Any) -> Answer:
         """Cut the object out of an uploaded picture; `corrections` are those of the API."""
@@ -137,12 +136,22 @@ class Client:
         """How far a training is, with its parameters and their ranges."""
         return self._json("GET", f"/trainings/{training}")
 
-    def propose(self, source: str | Path | bytes, file: str = "", object: str = "", modifier: str = "") -> Answer:
-        """Send a .blend, .scad or Python file, of which ranges are proposed; `file` is its name."""
-        content = source if isinstance(source, bytes) else Path(source).read_bytes()
-        name = file or Path(str(source)).name
-        query = "&".join(f"{k}={quote(v)}" for k, v in (("file", name), ("object", object), ("modifier", modifier)))
-        return self._parsed(self.send("POST", f"/trainings?{query}", content, "application/octet-stream"))
+    def propose(
+        self,
+        source: str | Path | bytes,
+        file: str = "",
+        object: str = "",
+        modifier: str = "",
+        toml: str | Path | bytes = b"",
+    ) -> Answer:
+        """Send a .blend, .scad or Python file, of which ranges are proposed; `file` is its name.
+
+        `toml` is the file that `dipcg generators add` has written for a .blend; its names and ranges are then taken.
+        """
+        head, content = _bytes(toml), _bytes(source)
+        given = {"file": file or Path(str(source)).name, "object": object, "modifier": modifier, "toml": len(head)}
+        query = "&".join(f"{name}={quote(str(value))}" for name, value in given.items())
+        return self._parsed(self.send("POST", f"/trainings?{query}", head + content, "application/octet-stream"))
 
     def set_ranges(self, training: str, ranges: Mapping[str, Any], hold: Iterable[str] = ()) -> Answer:
         """Edit the proposed ranges, all at once: (low, high) by name, and names that stay as in the source."""
@@ -205,6 +214,10 @@ class Client:
             return self._open(request, timeout=self.timeout_s)
         except urllib.error.HTTPError as error:
             raise ApiError(_sentence(error), error.code) from None
+
+
+def _bytes(file: str | Path | bytes) -> bytes:
+    return file if isinstance(file, bytes) else Path(file).read_bytes()
 
 
 def _as_json(body: Any) -> bytes:

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import json
 import re
+import tomllib
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any, Literal
 
+from dipcg.app.uploads import GIVEN, SOURCE
 from dipcg.files import write_file
 from dipcg.model.zoo import CARD
 
@@ -84,9 +86,15 @@ class Training:
 
 
 def create(folder: Path, name: str, number: int, file: str, object: str, modifier: str) -> Training:
-    """Make a training of a source that lies in `folder` as `source`; nothing is done for it yet."""
+    """Make a training of a source that lies in `folder` as `source`; nothing is done for it yet.
+
+    A TOML file beside it says itself which object and modifier it is for.
+    """
+    if (folder / GIVEN).is_file():
+        top = tomllib.loads((folder / GIVEN).read_text(encoding="utf-8"))
+        object, modifier = top["object"], top.get("modifier", "")
     stored = f"{name}{Path(file).suffix.lower()}"
-    (folder / "source").rename(folder / stored)
+    (folder / SOURCE).rename(folder / stored)
     order = {"name": name, "file": stored, "given": file, "object": object, "modifier": modifier, "number": number}
     order |= {"ranges": {}, "hold": [], "shapes": 0, "minutes": 0.0, "task": "propose", "active": False}
     write_file(folder / "order.json", json.dumps(order))

@@ -14,12 +14,12 @@ from fastapi.responses import FileResponse
 from fastapi.sse import EventSourceResponse
 
 from dipcg.app import models
-from dipcg.app.limits import MOST_SOURCE_BYTES
+from dipcg.app.limits import MOST_SOURCE_BYTES, MOST_TOML_BYTES
 from dipcg.app.routes import TheDesk
-from dipcg.app.sources import check_source
 from dipcg.app.training_folder import WORKING, Training
 from dipcg.app.training_models import SOURCE_BODY, Learn, Proposed, Ranges, TrainingAnswer
 from dipcg.app.trainings import Trainings
+from dipcg.app.uploads import check_upload, receive
 from dipcg.importing.editing import read_parameters
 from dipcg.space import Value
 
@@ -45,6 +45,7 @@ def _training(id: models.Id, every: All) -> Training:
 
 One = Annotated[Training, Depends(_training)]
 Words = Annotated[str, Query(max_length=200)]
+Head = Annotated[int, Query(ge=0, le=MOST_TOML_BYTES)]
 
 
 @router.get("")
@@ -55,20 +56,19 @@ def get_trainings(every: All) -> list[TrainingAnswer]:
 
 @router.post("", status_code=201, max_body_size=MOST_SOURCE_BYTES, openapi_extra=SOURCE_BODY)
 async def post_training(
-    request: Request, desk: TheDesk, every: All, file: Words, object: Words = "", modifier: Words = ""
+    request: Request, desk: TheDesk, every: All, file: Words, object: Words = "", modifier: Words = "", toml: Head = 0
 ) -> TrainingAnswer:
     """Upload the source of a generator, whose bytes are the body, and have ranges proposed.
 
     `file` is its name, whose ending says what it is: .blend, .scad or .py. `object` and `modifier` name the one to
-    learn in a Blender file.
+    learn in a Blender file. `toml` is the number of bytes before a Blender file that are a TOML file, as `dipcg
+    generators add` writes it; its names and ranges are then taken, and none are proposed.
     """
     with desk.uploads.take(int(request.headers.get("content-length", "0"))):
         folder = every.start_upload(file)
         try:
-            with (folder / "source").open("wb") as written:
-                async for chunk in request.stream():
-                    written.write(chunk)
-            check_source(folder / "source", file, every.blender)
+            await receive(request.stream(), folder, toml)
+            await anyio.to_thread.run_sync(check_upload, folder, file, every.blender)
             training = await anyio.to_thread.run_sync(every.add, folder, file, object, modifier)
         except BaseException:
             shutil.rmtree(folder, ignore_errors=True)

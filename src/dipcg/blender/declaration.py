@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -175,7 +176,7 @@ def check_keys(entry: Any, allowed: tuple[str, ...], needed: tuple[str, ...], wh
 
 
 def _key(name: str) -> str:
-    return name if name.isascii() else _toml(name)
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)
 
 
 def _toml(value: Any) -> str:

@@ -70,11 +70,7 @@ def learn(folder: Path, order: Order, report: Report) -> None:
 
 def _imported(source: Path, order: Order, toml: Path, report: Report) -> Any:
     if source.suffix == ".blend":
-        from dipcg.importing.blend import Options, import_blend
-        from dipcg.importing.program import program_for
-
-        options = Options(order["object"], order["modifier"], program_for(source, order["blender"]))
-        return import_blend(source, options, toml, lambda count: report(0.0, f"Trying ranges: {count} builds"))
+        return _from_blend(source, order, toml, report)
     if source.suffix == ".scad":
         from dipcg.importing.openscad import import_scad
 
@@ -84,6 +80,19 @@ def _imported(source: Path, order: Order, toml: Path, report: Report) -> Any:
 
     report(0.0, "Recording the random draws")
     return import_program(str(source), "", {}, toml)
+
+
+def _from_blend(source: Path, order: Order, toml: Path, report: Report) -> Any:
+    from dipcg.importing.blend import Options, import_blend
+    from dipcg.importing.given import take_given
+    from dipcg.importing.program import program_for
+
+    program, given = program_for(source, order["blender"]), source.parent / "given.toml"
+    if given.is_file():
+        report(0.0, "Reading the inputs")
+        return take_given(source, given, toml, program)
+    options = Options(order["object"], order["modifier"], program)
+    return import_blend(source, options, toml, lambda count: report(0.0, f"Trying ranges: {count} builds"))
 
 
 def _toml(folder: Path, order: Order) -> Path:

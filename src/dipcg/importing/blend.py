@@ -17,7 +17,7 @@ from dipcg.importing.header import saved_by
 from dipcg.importing.imported import Imported, Row, listed
 from dipcg.importing.limits import NUMBERS, set_limits
 from dipcg.importing.probing import probe
-from dipcg.importing.program import check_program
+from dipcg.importing.program import allow_program, check_program
 from dipcg.importing.trials import Trials
 from dipcg.registry import allow_code
 from dipcg.workers.rpc import Blender, BlenderError
@@ -62,7 +62,7 @@ def import_blend(
     path = _free(output or blend.with_suffix(".toml"))
     program = check_program(options.blender) if options.blender else ""
     graph = read_inputs(blend, options, program)
-    entries, left_out = _numbered(graph["inputs"]), dict(graph["skipped"])
+    entries, left_out = numbered(graph["inputs"]), dict(graph["skipped"])
     left_out |= set_limits(entries, options.ranges or {}, options.hold, options.ask, graph["side"], blend)
     top = {"doc": f"{graph['object']}, the Geometry Nodes of {blend.name}.", "blend": str(blend.resolve())}
     top |= {key: graph[key] for key in ("object", "modifier", "group")} | {"sha256": digest(blend), "blender": program}
@@ -77,8 +77,8 @@ def import_blend(
             f"{blend}: no input of {graph['object']!r} can be a parameter ({listed(left_out, 'it has none')})."
         )
     top["blend"] = Path(os.path.relpath(blend.resolve(), path.parent.resolve())).as_posix()
-    _write(path, write_declaration(top, entries, path))
-    rows = [_row(name, entry, values[name]) for name, entry in entries.items()]
+    write_checked(path, write_declaration(top, entries, path), program)
+    rows = [row(name, entry, values[name]) for name, entry in entries.items()]
     return Imported(path, rows, left_out, [*graph["notes"], *notes])
 
 
@@ -104,7 +104,7 @@ def _draft(top: Entry, entries: dict[str, Entry]) -> Iterator[Path]:
         yield path
 
 
-def _numbered(inputs: list[Entry]) -> dict[str, Entry]:
+def numbered(inputs: list[Entry]) -> dict[str, Entry]:
     """Parameters by names for the command line; a vector becomes three numbers."""
     entries: dict[str, Entry] = {}
     for one in chain.from_iterable(map(_components, inputs)):
@@ -140,19 +140,19 @@ def _free(path: Path) -> Path:
     return path
 
 
-def _write(path: Path, text: str) -> None:
-    """Write the file, and delete it again if it cannot be read."""
+def write_checked(path: Path, text: str, program: str) -> None:
+    """Write a TOML file, and delete it again if it cannot be read or names another program than the user has named."""
     path.write_text(text, encoding="utf-8")
-    # The user has named the program of another Blender that it may have.
-    allow_code(path)
     try:
+        allow_program(path, program)
         read_declaration(path)
     except ValueError:
         path.unlink()
         raise
 
 
-def _row(name: str, entry: Entry, value: Any) -> Row:
+def row(name: str, entry: Entry, value: Any) -> Row:
+    """What is shown of a parameter with its value in the Blender file."""
     if entry["kind"] in NUMBERS:
         return Row(name, f"{value:.4g}", f"{entry['low']:g} to {entry['high']:g}", entry["why"])
     options = "no, yes" if entry["kind"] == "boolean" else ", ".join(entry["options"])
