@@ -244,6 +244,9 @@ def started(port: int, program: str, folder: str) -> dict:
     return {
         "before": before,
         "wrong": wrong,
+        "command": sys.modules[f"{MODULE}.session"].command(bpy.context),
+        "is newer": bpy.app.version[:2] > (4, 2),
+        "python": sys.executable,
         "generators": [item[0] for item in sys.modules[f"{MODULE}.session"]._items],
     }
 

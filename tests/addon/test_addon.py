@@ -227,6 +227,8 @@ def test_the_server_is_started_from_the_preferences(blender, tmp_path) -> None:
     assert "There is no answer" in found["before"]
     assert "/nowhere/dipcg cannot be started" in found["wrong"]
     assert found["generators"] == ["box"]
+    # A newer Blender reads its own files for the server.
+    assert found["command"][6:] == (["--blender", found["python"]] if found["is newer"] else [])
 
 
 # What goes wrong
