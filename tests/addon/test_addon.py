@@ -175,13 +175,14 @@ def test_the_panels_show_every_candidate_and_every_parameter(clicked) -> None:
 
 @pytest.fixture
 def learning(tmp_path, monkeypatch) -> Iterator[str]:
-    """A server that learns, with a training that takes seconds, over the toy."""
+    """A server over the toy that learns in seconds; it has the newer Blender where there is one."""
     monkeypatch.setattr(training_queue, "PROGRAM", "learning_stand_in")
     monkeypatch.setenv("PYTHONPATH", str(HERE.parent))
     # It must still be training when it is stopped, also on a busy machine.
     monkeypatch.setenv("LEARNING_STEP_S", "0.5")
     served, learned = tmp_path / "served", tmp_path / "learned"
-    with Studio([box_checkpoint(tmp_path / "box")], workers=1) as studio, serving(studio, served, learn=learned) as url:
+    options = {"learn": learned, "blender": NEWER if Path(NEWER).exists() else ""}
+    with Studio([box_checkpoint(tmp_path / "box")], workers=1) as studio, serving(studio, served, **options) as url:
         yield url
 
 
