@@ -15,6 +15,8 @@ Where = Bool[np.ndarray, "s s"]
 
 # A part is seen where this many pixels are its own and not at its edge.
 LEAST_PIXELS = 12
+# An estimate meets the object where it covers this share of what is drawn; lines do not.
+MET = 0.3
 # Half of the width in pixels from which a part covers its picture even where it is off.
 WIDE = 8.0
 # So many pixels beside a thin part its picture may lie.
@@ -45,12 +47,11 @@ def samples(
     no others. The picture of a thin part may lie beside it: of the pixels that no part covers it has the near ones.
     """
     solid, pale = picture[..., 3] > 250, _like_ground(picture, ground)
-    inner = _inner(drawn)
+    inner, clear = _inner(drawn), np.asarray(cv2.erode(solid.astype(np.uint8), KERNEL), np.uint8) > 0
+    if (clear & (inner >= 0)).sum() < MET * (inner >= 0).sum():
+        return {}
     # What is as thin as an edge in the photograph is seen at its edges alone.
-    edges = _found(solid, inner, drawn, pale, parts)
-    return edges | _found(
-        np.asarray(cv2.erode(solid.astype(np.uint8), KERNEL), np.uint8) > 0, inner, drawn, pale, parts
-    )
+    return _found(solid, inner, drawn, pale, parts) | _found(clear, inner, drawn, pale, parts)
 
 
 def _found(solid: Where, own: Int[np.ndarray, "s s"], drawn: Int[np.ndarray, "s s"], pale: Where, parts: int) -> Found:
