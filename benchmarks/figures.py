@@ -18,7 +18,7 @@ from examples.edits import main as draw_edits
 
 from benchmarks.gallery import tiles
 from benchmarks.trained import run
-from dipcg.images import load_image, over_white, prepare, save_image
+from dipcg.images import edges, load_image, over_white, prepare, save_image
 from dipcg.inference.inverters import Inverters
 from dipcg.inference.preview import in_rows
 
@@ -55,9 +55,7 @@ def sketches(target: Path) -> None:
 
 def outline(name: str, folder: Path) -> Path:
     """Canny's edges of a picture that ships, black on white, as a file in the folder."""
-    picture = over_white(prepare(PICTURES / f"{name}.png", 2 * SIDE)[0])
-    edges = cv2.Canny(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), 60, 140)
-    save_image(255 - cv2.dilate(edges, np.ones((2, 2), np.uint8)), folder / f"{name}.png")
+    save_image(edges(prepare(PICTURES / f"{name}.png", 2 * SIDE)[0]), folder / f"{name}.png")
     return folder / f"{name}.png"
 
 

@@ -48,7 +48,7 @@ def contact_sheet(meshes: Sequence[Mesh], path: str | Path, columns: int = 8, si
 
 def same_camera(assets: Sequence[Asset], view: View, side: int = SIDE) -> list[Tile]:
     """A picture of each asset, all on one floor and from one camera that sees them all."""
-    standing = [one.mesh.vertices - np.float32([0, 0, one.mesh.bounds[0, 2]]) for one in assets]
+    standing = [one.mesh.vertices - np.array([0, 0, one.mesh.bounds[0, 2]], np.float32) for one in assets]
     every = np.concatenate(standing)
     # Vertices of no face are not drawn, but frame the picture and place the camera.
     framed = [
