@@ -28,6 +28,8 @@ export function start() {
   renderer.toneMapping = NeutralToneMapping;
   renderer.shadowMap.enabled = true;
   renderer.shadowMap.type = VSMShadowMap;
+  // The light stays where it is, so only another asset has another shadow.
+  renderer.shadowMap.autoUpdate = false;
   scene.environment = new PMREMGenerator(renderer).fromScene(new RoomEnvironment(), 0.03).texture;
   scene.environmentIntensity = 0.75;
   Object.assign(sun, { castShadow: true });
@@ -80,6 +82,7 @@ function repaint() {
     triangles += (node.geometry.index ?? node.geometry.attributes.position).count / 3;
   });
   paint(asset, state.get());
+  renderer.shadowMap.needsUpdate = true;
   canvas.dataset.triangles = triangles;
   find("#viewer .triangles").textContent = `${triangles.toLocaleString("en")} triangles in this view`;
   draw();
