@@ -83,11 +83,12 @@ def _imported(source: Path, order: Order, toml: Path, report: Report) -> Any:
 
 
 def _from_blend(source: Path, order: Order, toml: Path, report: Report) -> Any:
+    from dipcg.app.uploads import GIVEN
     from dipcg.importing.blend import Options, import_blend
     from dipcg.importing.given import take_given
     from dipcg.importing.program import program_for
 
-    program, given = program_for(source, order["blender"]), source.parent / "given.toml"
+    program, given = program_for(source, order["blender"]), source.parent / GIVEN
     if given.is_file():
         report(0.0, "Reading the inputs")
         return take_given(source, given, toml, program)

@@ -48,12 +48,11 @@ def contact_sheet(meshes: Sequence[Mesh], path: str | Path, columns: int = 8, si
 
 def same_camera(assets: Sequence[Asset], view: View, side: int = SIDE) -> list[Tile]:
     """A picture of each asset, all on one floor and from one camera that sees them all."""
-    standing = [one.mesh.vertices - np.array([0, 0, one.mesh.bounds[0, 2]], np.float32) for one in assets]
-    every = np.concatenate(standing)
+    floors = [np.array([0, 0, one.mesh.bounds[0, 2]], np.float32) for one in assets]
+    standing = [replace(one.mesh, vertices=one.mesh.vertices - low) for one, low in zip(assets, floors, strict=True)]
+    every = np.concatenate([mesh.vertices for mesh in standing])
     # Vertices of no face are not drawn, but frame the picture and place the camera.
-    framed = [
-        replace(one.mesh, vertices=np.concatenate([own, every])) for one, own in zip(assets, standing, strict=True)
-    ]
+    framed = [replace(mesh, vertices=np.concatenate([mesh.vertices, every])) for mesh in standing]
     pairs = zip(framed, assets, strict=True)
     return [over_white(studio.draw(mesh, asset.materials, view, side, MARGIN)) for mesh, asset in pairs]
 

@@ -81,15 +81,20 @@ def _newton_schulz(x: Float[Tensor, "n r c"]) -> Float[Tensor, "n r c"]:
 
 def _newton_schulz_of_squares(x: Float[Tensor, "n r c"]) -> Float[Tensor, "n r c"]:
     """The same steps on the small squares of wide matrices, whose polynomials commute; bfloat16 is too coarse."""
-    a, b, c = COEFFICIENTS
     square = x @ x.mT
-    one = torch.eye(x.shape[1], device=x.device, dtype=x.dtype)
-    product = one
-    for _ in range(STEPS):
-        polynomial = a * one + b * square + c * square @ square
-        product = polynomial @ product
+    product = polynomial = _polynomial(square)
+    for _ in range(STEPS - 1):
         square = polynomial @ square @ polynomial
+        polynomial = _polynomial(square)
+        product = polynomial @ product
     return product @ x
+
+
+def _polynomial(square: Float[Tensor, "n r r"]) -> Float[Tensor, "n r r"]:
+    """What one step multiplies a matrix with, from its square."""
+    a, b, c = COEFFICIENTS
+    one = torch.eye(square.shape[1], device=square.device, dtype=square.dtype)
+    return a * one + b * square + c * square @ square
 
 
 def matrices(network: nn.Module) -> list[Tensor]:
