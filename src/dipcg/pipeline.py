@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -18,7 +18,7 @@ from dipcg.camera import VIEW_NUMBERS, decode_view, encode_view
 from dipcg.encoders import Features, encoder_input
 from dipcg.export.asset import Asset
 from dipcg.generators import Detail, Generator
-from dipcg.images import Background, Cutout, Source, cut_out
+from dipcg.images import Cutout, Source, cut_out
 from dipcg.model.alternatives import alternatives
 from dipcg.model.checkpoint import load_checkpoint
 from dipcg.model.constraints import check_fixed, encode_all_fixed, needed_options
@@ -26,7 +26,7 @@ from dipcg.model.estimators import AnyEstimator
 from dipcg.model.posterior import Posterior
 from dipcg.model.uncertainty import calibrated, central_first, spread
 from dipcg.model.zoo import find_checkpoint
-from dipcg.results import Candidate, Estimate, Step
+from dipcg.results import Candidate, Estimate, Seen, Step
 from dipcg.space import Choice, Params, Value
 from dipcg.workers.pool import BuildPool
 
@@ -44,7 +44,7 @@ class Asked(NamedTuple):
     """One estimate that is asked for: the prepared picture, the seed of its noise, and the values that are fixed."""
 
     picture: UInt8[np.ndarray, "s s 4"]
-    background: Background | Literal["words"]
+    background: Seen
     ground: tuple[float, float, float] | None
     seed: int
     fixed: Mapping[str, Any]
@@ -178,11 +178,12 @@ class Inverter:
 
     def _prepare(
         self, image: Source | Cutout
-    ) -> tuple[UInt8[np.ndarray, "s s 4"], Background, tuple[float, float, float] | None]:
+    ) -> tuple[UInt8[np.ndarray, "s s 4"], Seen, tuple[float, float, float] | None]:
         if not self.image_size:
             raise ValueError("This checkpoint reads words, not pictures; give it a text.")
         cutout = cut_out(image)
-        return cutout.crop(self.image_size), cutout.background, cutout.ground
+        background = "drawing" if cutout.is_drawing else cutout.background
+        return cutout.crop(self.image_size), background, cutout.ground
 
     def _estimate(
         self, features: Features, asked: Sequence[Asked], candidates: int, steps: int | None

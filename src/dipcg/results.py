@@ -13,6 +13,9 @@ from dipcg.images import Background
 from dipcg.mesh import Mesh
 from dipcg.space import Params, Value
 
+# What an estimate was made from: a picture that was cut out of one of three kinds of background, lines, or a sentence.
+Seen = Background | Literal["drawing", "words"]
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -57,7 +60,7 @@ class Estimate:
     spread: dict[str, float]
     probabilities: dict[str, dict[Value, float]]
     image: UInt8[np.ndarray, "s s 4"]
-    background: Background | Literal["words"]
+    background: Seen
     expected: Candidate
     fixed: Params = field(default_factory=dict)
     ground: tuple[float, float, float] | None = None

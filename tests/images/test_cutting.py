@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from dipcg.images import ImageError, cut_out
+from dipcg.images import Cutout, ImageError, cut_out
 
 SIZE = 192
 Y, X = np.mgrid[:SIZE, :SIZE].astype(np.float32)
@@ -71,6 +71,19 @@ def test_thin_lines_of_a_drawing_stay():
     cv2.circle(drawing, (96, 96), 60, (20, 20, 20), 1, cv2.LINE_AA)
     dark = drawing[..., 0] < 100
     assert (cut_out(drawing).image[..., 3][dark] > 127).mean() > 0.95
+
+
+def test_a_drawing_is_told_from_a_white_object_also_where_its_lines_lie_close_together():
+    white, box = np.full((SIZE, SIZE, 3), 255, np.uint8), np.zeros((SIZE, SIZE), np.uint8)
+    box[30:160, 40:150] = 255
+    drawing = white.copy()
+    # A line at every fourth pixel, which a picture of 96 pixels shows as one grey surface.
+    for row in range(30, 160, 4):
+        drawing[row, 40:150] = 0
+    drawing[30:160, [40, 149]] = 0
+    assert Cutout(np.dstack([drawing, box]), "alpha").is_drawing
+    assert not Cutout(np.dstack([white, box]), "alpha").is_drawing
+    assert not cut_out(painted((255, 255, 255), (disc(), (110, 70, 40)))).is_drawing
 
 
 TWO = disc(50, 96, 32), disc(145, 100, 26)

@@ -12,7 +12,7 @@ from boxes import BOX, TRUTH, VIEW, among, picture, untrained, with_changes, wri
 
 from dipcg.camera import View
 from dipcg.images import edges, prepare
-from dipcg.inference.compare import SIDE, Picture, is_line_drawing
+from dipcg.inference.compare import SIDE, Picture
 from dipcg.inference.rank import rank
 from dipcg.inference.recognise import poor_fit, recognise, softmax
 from dipcg.model.constraints import check_fixed, needed_options
@@ -138,18 +138,14 @@ def test_silhouettes_overlap_as_their_areas_say():
 
 
 def test_only_a_cut_out_that_can_be_trusted_is_compared_by_its_silhouette(image):
-    drawing, background = prepare(edges(image), SIDE)
+    drawing, _ = prepare(edges(image), SIDE)
     assert Picture(image, "alpha").match(image).silhouette > 0.98
     assert Picture(image, "photo").match(image).silhouette is None
-    assert Picture(drawing, background).match(image).silhouette is None
+    assert Picture(drawing, "drawing").match(image).silhouette is None
 
 
-def test_a_white_object_is_no_line_drawing_and_one_in_outline_is():
-    white, drawn = np.zeros((SIDE, SIDE, 4), np.uint8), np.zeros((SIDE, SIDE, 4), np.uint8)
-    white[8:120, 8:120] = drawn[8:120, 8:120] = 255
-    drawn[8:120, 8:10, :3] = drawn[8:10, 8:120, :3] = 0
-    assert not is_line_drawing(white)
-    assert is_line_drawing(drawn)
+def test_an_estimate_knows_whether_it_was_made_from_a_drawing(inverter, image):
+    assert [inverter.estimate(picture).background for picture in (edges(image), image)] == ["drawing", "alpha"]
 
 
 def test_a_line_drawing_still_tells_the_truth_from_another_box(inverter, image):

@@ -28,6 +28,11 @@ def test_pictures_grow_to_the_full_size_and_the_denoiser_sees_no_other():
     assert [schedule(grows=False).size(share) for share in (0.0, 0.5)] == [128, 128]
 
 
+def test_no_picture_is_smaller_than_64_pixels_unless_the_networks_own_are():
+    sizes = [Schedule(TrainConfig(), side, True, True).size(0.0) for side in (32, 64, 96, 256)]
+    assert sizes == [32, 64, 64, 128]
+
+
 @pytest.mark.parametrize(("share", "expected"), [(0.0, False), (0.89, False), (0.9, True), (1.0, True)])
 def test_the_denoiser_comes_last(share, expected):
     assert schedule().trains_denoiser(share) == expected

@@ -15,7 +15,7 @@ from dipcg.images.photograph import Marks, grabcut, photo_alpha, plain_alpha
 from dipcg.images.pieces import one_thing, touched, without_specks
 from dipcg.images.plain import is_plain, known_from
 from dipcg.images.read import RGBA, Source, read_image
-from dipcg.images.views import crop_to_object
+from dipcg.images.views import crop_to_object, is_line_drawing
 
 Background = Literal["alpha", "plain", "photo"]
 # A line through points of a picture, each as pixels across and down.
@@ -24,6 +24,8 @@ Stroke = Sequence[Sequence[float | int]]
 # Transparency that leaves a box of at least this share of each side, nearly filled, has trimmed a picture's edges or
 # corners, and has cut nothing out.
 TRIMMED_SIDE, TRIMMED_FILL = 0.9, 0.95
+# Lines are told from surfaces at this size: in smaller pictures lines that lie close together become one surface.
+DRAWING_SIDE = 256
 # The width of a stroke as a share of the picture's longer side.
 STROKE = 0.015
 
@@ -48,6 +50,11 @@ class Cutout:
             return None
         red, green, blue = (float(value) / 255 for value in np.median(away, axis=0))
         return red, green, blue
+
+    @property
+    def is_drawing(self) -> bool:
+        """Whether the object is drawn in lines, which say nothing about what it covers, or about its colours."""
+        return is_line_drawing(crop_to_object(self.image, DRAWING_SIDE))
 
     def crop(self, size: int) -> UInt8[np.ndarray, "size size 4"]:
         """The object as a network of this input size is given it."""

@@ -13,6 +13,10 @@ from dipcg.images.read import RGBA
 
 # Share of the side that is free on either side of the object, as in training.
 MARGIN = 0.06
+# A picture whose object is nowhere thicker than this share of the side is a line drawing.
+THICKNESS = 0.03
+# The mean of red, green and blue from which a pixel counts as white paper.
+PAPER = 250
 
 
 def crop_to_object(image: RGBA, size: int, margin: float = MARGIN) -> UInt8[np.ndarray, "size size 4"]:
@@ -40,6 +44,18 @@ def edges(image: RGBA) -> UInt8[np.ndarray, "h w 4"]:
     grey = cv2.cvtColor(over_white(image), cv2.COLOR_RGB2GRAY)
     drawn = np.maximum(np.asarray(cv2.Canny(grey, 60, 140), np.uint8), cv2.Canny(image[..., 3], 100, 200))
     return np.dstack([255 - drawn] * 3 + [np.full_like(drawn, 255)])
+
+
+def is_line_drawing(image: UInt8[np.ndarray, "s s 4"]) -> bool:
+    """Whether nothing in a picture that is cropped to the object is thicker than a line but white paper between lines.
+
+    A white object without any ink is not a drawing.
+    """
+    import cv2
+
+    ink = (image[..., 3] > 127) & (image[..., :3].mean(-1) < PAPER)
+    inside = cv2.distanceTransform(ink.astype(np.uint8), cv2.DIST_L2, 3)
+    return 0 < float(inside.max()) < THICKNESS / 2 * len(image)
 
 
 def silhouette(image: RGBA) -> UInt8[np.ndarray, "h w 4"]:

@@ -10,8 +10,7 @@ from jaxtyping import Int, UInt8
 
 from dipcg.camera import View
 from dipcg.export.asset import Asset
-from dipcg.images import MARGIN, crop_to_object, prepare
-from dipcg.inference.compare import is_line_drawing
+from dipcg.images import MARGIN, prepare
 from dipcg.inference.samples import Sample, samples
 from dipcg.materials import NEUTRAL, Colour, as_colour, family, part_colours
 from dipcg.mesh import Mesh
@@ -38,7 +37,7 @@ def with_colours(asset: Asset, estimate: Estimate | None = None, colours: Colour
 
 def seen_colours(estimate: Estimate, mesh: Mesh, view: View) -> dict[str, Colour]:
     """The colours of the picture on the parts that it shows; none for a sentence, or for a line drawing."""
-    if estimate.background == "words" or is_line_drawing(crop_to_object(estimate.image, SIDE)):
+    if estimate.background in ("words", "drawing"):
         return {}
     return photo_colours(estimate.image, mesh, view, estimate.ref, estimate.ground)
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
-from dipcg.images import Background, crop_to_object, edges
+from dipcg.images import crop_to_object, edges
+from dipcg.results import Seen
 
 # Side of the pictures that are compared; the other lengths are shares of it.
 SIDE = 128
@@ -15,10 +16,6 @@ SIDE = 128
 REACH = 0.06
 # The blur of silhouettes: without it a thin board that is a little off would overlap nowhere.
 BLUR = 0.02
-# A picture whose object is nowhere thicker than this is a line drawing, whose silhouette means nothing.
-THICKNESS = 0.03
-# The mean of red, green and blue from which a pixel counts as white paper.
-PAPER = 250
 
 
 @dataclass(frozen=True)
@@ -60,11 +57,10 @@ def outline(image: UInt8[np.ndarray, "s s 4"]) -> Outline:
 class Picture:
     """A picture that many renders are compared with."""
 
-    def __init__(self, image: UInt8[np.ndarray, "s s 4"], background: Background) -> None:
-        cropped = crop_to_object(image, SIDE)
-        self.outline = outline(cropped)
-        # GrabCut loses legs and leaves shadows, so a photograph is compared by lines alone, as a line drawing is.
-        self.has_silhouette = background != "photo" and not is_line_drawing(cropped)
+    def __init__(self, image: UInt8[np.ndarray, "s s 4"], background: Seen) -> None:
+        self.outline = outline(crop_to_object(image, SIDE))
+        # The silhouette of a drawing means nothing, and GrabCut loses legs and leaves shadows.
+        self.has_silhouette = background not in ("photo", "drawing")
 
     def match(self, render: UInt8[np.ndarray, "s s 4"]) -> Match:
         """Compare a render of the side `SIDE` with the picture."""
@@ -75,18 +71,6 @@ class Picture:
             overlap = float(both.sum() / max(float(either.sum()), 1.0))
         apart = (_mean(theirs.distance, ours.lines) + _mean(ours.distance, theirs.lines)) / 2
         return Match(overlap, 1 - apart)
-
-
-def is_line_drawing(image: UInt8[np.ndarray, "s s 4"]) -> bool:
-    """Whether nothing in a picture that is cut out is thicker than a line but white paper, which lines enclose.
-
-    A white object without any ink is not a drawing.
-    """
-    import cv2
-
-    ink = (image[..., 3] > 127) & (image[..., :3].mean(-1) < PAPER)
-    inside = cv2.distanceTransform(ink.astype(np.uint8), cv2.DIST_L2, 3)
-    return 0 < float(inside.max()) < THICKNESS / 2 * len(image)
 
 
 def _mean(values: Float32[np.ndarray, "s s"], where: Bool[np.ndarray, "s s"]) -> float:

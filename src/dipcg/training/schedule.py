@@ -15,6 +15,8 @@ from dipcg.config import TrainConfig
 GROWTH = ((0.0, 0.5), (0.4, 0.75), (0.75, 1.0))
 # Sizes are rounded to this many pixels, the step of the conv encoder's last map.
 STEP = 16
+# Smaller pictures than this do not show thin parts; networks for smaller ones do not grow.
+SMALLEST = 64
 # The share of a stage in which the learning rate rises.
 WARM_UP = 0.02
 # The lowest learning rate, as a share of the highest.
@@ -46,7 +48,7 @@ class Schedule:
             return self.image_size
         progress = self._progress(share) if share < self._boundary else 1.0
         factor = [part for start, part in GROWTH if progress >= start][-1]
-        return max(STEP, STEP * round(factor * self.image_size / STEP))
+        return max(min(SMALLEST, self.image_size), STEP * round(factor * self.image_size / STEP))
 
     def rate(self, share: float) -> float:
         """The learning rate as a share of the highest: a rise and half a cosine for each stage, or always 1."""
