@@ -19,6 +19,7 @@ from dipcg.encoders import Features, encoder_input
 from dipcg.export.asset import Asset
 from dipcg.generators import Detail, Generator
 from dipcg.images import Cutout, Source, cut_out
+from dipcg.materials import Colour
 from dipcg.model.alternatives import alternatives
 from dipcg.model.checkpoint import load_checkpoint
 from dipcg.model.constraints import check_fixed, encode_all_fixed, needed_options
@@ -45,7 +46,7 @@ class Asked(NamedTuple):
 
     picture: UInt8[np.ndarray, "s s 4"]
     background: Seen
-    ground: tuple[float, float, float] | None
+    ground: Colour | None
     seed: int
     fixed: Mapping[str, Any]
 
@@ -176,9 +177,7 @@ class Inverter:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _prepare(
-        self, image: Source | Cutout
-    ) -> tuple[UInt8[np.ndarray, "s s 4"], Seen, tuple[float, float, float] | None]:
+    def _prepare(self, image: Source | Cutout) -> tuple[UInt8[np.ndarray, "s s 4"], Seen, Colour | None]:
         if not self.image_size:
             raise ValueError("This checkpoint reads words, not pictures; give it a text.")
         cutout = cut_out(image)

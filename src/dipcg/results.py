@@ -10,6 +10,7 @@ from jaxtyping import UInt8
 
 from dipcg.camera import View
 from dipcg.images import Background
+from dipcg.materials import Colour
 from dipcg.mesh import Mesh
 from dipcg.space import Params, Value
 
@@ -63,7 +64,7 @@ class Estimate:
     background: Seen
     expected: Candidate
     fixed: Params = field(default_factory=dict)
-    ground: tuple[float, float, float] | None = None
+    ground: Colour | None = None
     misfit: float | None = None
     trace: list[Step] = field(default_factory=list)
 

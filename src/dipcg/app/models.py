@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from dipcg.app.limits import MOST_CANDIDATES, MOST_FACES, MOST_LETTERS, MOST_TEXTURE
 from dipcg.generators import Detail
+from dipcg.materials import Colour
 from dipcg.space import Value
 
 Name = Annotated[str, Field(max_length=100)]
@@ -186,7 +187,7 @@ class Candidate(BaseModel):
     agreement: float | None
     thumbnail: str | None = None
     """a picture of it as a data: URL"""
-    colours: dict[str, tuple[float, float, float]] = {}
+    colours: dict[str, Colour] = {}
     """the colour of each part in the picture, in sRGB from 0 to 1: give them to POST /assets for a file with them"""
 
 

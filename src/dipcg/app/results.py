@@ -15,7 +15,7 @@ from dipcg.inference.estimate import Result, ranked
 from dipcg.inference.preview import TEXT_VIEW
 from dipcg.inference.rank import merge, order
 from dipcg.inference.serialise import to_dict
-from dipcg.materials import coloured, in_bytes
+from dipcg.materials import Colour, coloured, in_bytes
 from dipcg.mesh import Mesh
 from dipcg.pipeline import Candidate, Estimate
 from dipcg.render import Renderer
@@ -25,7 +25,7 @@ from dipcg.workers.process import BuildError
 TILE = 256
 _own = threading.local()
 
-PartColours = dict[str, tuple[float, float, float]]
+PartColours = dict[str, Colour]
 
 
 @dataclass(frozen=True)

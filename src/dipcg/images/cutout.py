@@ -16,6 +16,7 @@ from dipcg.images.pieces import one_thing, touched, without_specks
 from dipcg.images.plain import is_plain, known_from
 from dipcg.images.read import RGBA, Source, read_image
 from dipcg.images.views import crop_to_object, is_line_drawing
+from dipcg.materials import Colour
 
 Background = Literal["alpha", "plain", "photo"]
 # A line through points of a picture, each as pixels across and down.
@@ -43,7 +44,7 @@ class Cutout:
     """sentences about the picture that its user should know"""
 
     @property
-    def ground(self) -> tuple[float, float, float] | None:
+    def ground(self) -> Colour | None:
         """The median colour of a plain ground that was cut away, in sRGB from 0 to 1; None for other grounds."""
         away = self.image[self.image[..., 3] < 16][:, :3]
         if self.background != "plain" or not len(away):

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Int, UInt8
 
 from dipcg.images.ground import to_lab
+from dipcg.materials import Colour
 
 Picture = UInt8[np.ndarray, "s s 4"]
 Where = Bool[np.ndarray, "s s"]
@@ -38,9 +39,7 @@ class Sample:
 Found = dict[int, Sample]
 
 
-def samples(
-    picture: Picture, drawn: Int[np.ndarray, "s s"], parts: int, ground: tuple[float, float, float] | None = None
-) -> Found:
+def samples(picture: Picture, drawn: Int[np.ndarray, "s s"], parts: int, ground: Colour | None = None) -> Found:
     """For each part that is seen the pixels of the object that show it; `drawn` has the part in each pixel, or -1.
 
     A cut-out may hold ground between legs, and its shadow, so that pixels that look like it count only where a part has
@@ -80,7 +79,7 @@ def _half_width(where: Where) -> float:
     return float(cv2.distanceTransform(where.astype(np.uint8), cv2.DIST_L2, 5).max())
 
 
-def _like_ground(picture: Picture, ground: tuple[float, float, float] | None) -> Where:
+def _like_ground(picture: Picture, ground: Colour | None) -> Where:
     """Where the picture has the colour of the ground, also in a soft shadow; nowhere when the ground is not known."""
     if ground is None:
         return np.zeros(picture.shape[:2], bool)
