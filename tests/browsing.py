@@ -1,6 +1,7 @@
 """What tests in a browser share: a visit that fails at the first fault of the page, and what a visitor does there."""
 
 import contextlib
+import logging
 import re
 import shutil
 import threading
@@ -30,7 +31,10 @@ def launched(playwright: Playwright) -> Browser:
 
 @contextlib.contextmanager
 def visiting(browser: Browser, address: str) -> Iterator[Callable[..., Page]]:
-    """Opens the page for a new visitor; no script may fail, nothing may break the policy or ask for another host."""
+    """Opens the page for a new visitor.
+
+    No script and no request may fail, and nothing may break the policy or ask for another host.
+    """
     opened, problems = [], []
 
     def visit(width: int = 1400, height: int = 950, touch: bool = False) -> Page:
@@ -50,10 +54,33 @@ def visiting(browser: Browser, address: str) -> Iterator[Callable[..., Page]]:
         if not url.startswith((address, "data:", "blob:")):
             problems.append(f"asked for {url}")
 
-    yield visit
+    with logged(problems):
+        yield visit
     for context in opened:
         context.close()
     assert not problems
+
+
+@contextlib.contextmanager
+def logged(problems: list[str]) -> Iterator[None]:
+    """Adds what the server, which runs in this process, logs as an error."""
+    root, handler = logging.getLogger(), Errors(problems)
+    root.addHandler(handler)
+    try:
+        yield
+    finally:
+        root.removeHandler(handler)
+
+
+class Errors(logging.Handler):
+    """Puts the errors of the log in a list."""
+
+    def __init__(self, found: list[str]) -> None:
+        super().__init__(logging.ERROR)
+        self._found = found
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._found.append(f"{record.getMessage()} {record.exc_info and record.exc_info[1]}")
 
 
 def upload(page: Page, picture: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 import trimesh
 from boxes import BOX, TRUTH
 from PIL import Image
+from serving import serving
 from stand_ins import broken, nothing, page, standing_in
 
 from dipcg.app.client import ApiError, Client
@@ -102,6 +103,11 @@ def test_the_size_of_a_file_is_known_before_it_is_fetched(client, tmp_path):
     result = seen[-1]["result"]
     assert (result["bytes"], result["name"]) == (made.stat().st_size, "box.glb")
     assert result["triangles"] == sum(len(part.faces) for part in trimesh.load(made).geometry.values())
+
+
+def test_files_are_written_where_the_system_has_removed_the_folder_for_them(studio, tmp_path):
+    with serving(studio, tmp_path / "removed") as address:
+        assert Client(address).build("box", TRUTH, tmp_path / "box.glb").is_file()
 
 
 def test_a_preview_is_the_asset(client):

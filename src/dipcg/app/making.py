@@ -83,6 +83,8 @@ class Making:
         asset = Asset(build.result(), generator.ref, params, colours=request.colours)
         asset = _finished(asset, request, job)
         job.report(0.9, "Writing")
+        # Systems empty their folder of temporary files after some days, which a server may outlive.
+        self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         folder = Path(tempfile.mkdtemp(dir=self._folder))
         try:
             written = _written(asset, folder / f"{generator.name}{request.format}")
