@@ -83,6 +83,9 @@ def test_a_drawing_is_told_from_a_white_object_also_where_its_lines_lie_close_to
     drawing[30:160, [40, 149]] = 0
     assert Cutout(np.dstack([drawing, box]), "alpha").is_drawing
     assert not Cutout(np.dstack([white, box]), "alpha").is_drawing
+    outline = white.copy()
+    outline[30:160, 40:42] = outline[30:32, 40:150] = 0
+    assert Cutout(np.dstack([outline, box]), "alpha").is_drawing
     assert not cut_out(painted((255, 255, 255), (disc(), (110, 70, 40)))).is_drawing
 
 

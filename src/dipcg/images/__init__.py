@@ -7,7 +7,7 @@ cut out. An image is `UInt8[np.ndarray, "h w 4"]` with straight alpha.
 from dipcg.images.cutout import Background, Cutout, cut_by_colour, cut_out, prepare
 from dipcg.images.formats import MAX_PIXELS, SUFFIXES, ImageError
 from dipcg.images.read import MAX_SIDE, RGBA, Source, load_image, read_image
-from dipcg.images.views import MARGIN, crop_to_object, edges, is_line_drawing, over_white, save_image, silhouette
+from dipcg.images.views import MARGIN, crop_to_object, edges, over_white, save_image, silhouette
 
 __all__ = [
     "Background",
@@ -26,7 +26,6 @@ __all__ = [
     "MARGIN",
     "crop_to_object",
     "edges",
-    "is_line_drawing",
     "over_white",
     "save_image",
     "silhouette",
