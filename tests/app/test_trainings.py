@@ -10,6 +10,8 @@ from serving import Quick, box_checkpoint, serving
 
 from dipcg.app import training_queue
 from dipcg.app.client import ApiError, Client
+from dipcg.app.training_folder import NoTraining
+from dipcg.app.trainings import Trainings
 
 TESTS = Path(__file__).parents[1]
 BLOCK = """
@@ -115,6 +117,31 @@ def test_a_stopped_training_goes_on_where_it_was(client, folder) -> None:
     assert last(client, training)["state"] == "done"
     assert before
     assert [int(line) for line in steps.read_text().split()] == list(range(12))
+
+
+def test_a_training_can_be_asked_for_while_its_samples_are_drawn_again(client, folder) -> None:
+    training = proposed(client)
+    shutil.rmtree(folder / training["id"] / "samples")
+    assert proposed(client)["samples"] == []
+    with pytest.raises(ApiError, match="no such sample"):
+        client.send("GET", training["samples"][0].removeprefix("/api/v1"))
+    (folder / training["id"] / "samples").mkdir()
+    # A file that was listed, and is gone when it is looked at.
+    (folder / training["id"] / "samples" / "0.png").symlink_to("gone.png")
+    assert proposed(client)["samples"] == []
+
+
+def test_what_is_asked_of_a_training_that_was_just_deleted_is_a_sentence(studio, folder) -> None:
+    every = Trainings(studio, folder)
+    training = every.all()[0]
+    every.remove(training)
+    changes = (lambda one: every.edit(one, {}, []), lambda one: every.learn(one, 1, 1.0))
+    asked = (every.remove, every.stop, every.state, *changes)
+    for ask in asked:
+        with pytest.raises(NoTraining, match="There is no such training here"):
+            ask(training)
+    every.close()
+    assert not training.folder.exists()
 
 
 def test_a_training_goes_on_after_a_restart_of_the_server(tmp_path, folder, studio) -> None:

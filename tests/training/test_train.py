@@ -14,6 +14,7 @@ from dipcg.data.store import build_dataset
 from dipcg.generators import load_generator
 from dipcg.model.checkpoint import load_checkpoint
 from dipcg.model.estimators import build_estimator
+from dipcg.training import schedule
 from dipcg.training import train as training
 from dipcg.training.train import Run, TrainingError, train
 
@@ -30,6 +31,8 @@ def data(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def few_checks(monkeypatch):
+    # Pictures grow to the 32 pixels of these networks.
+    monkeypatch.setattr(schedule, "SMALLEST", 16)
     monkeypatch.setattr(training, "VALIDATION_PICTURES", 8)
     monkeypatch.setattr(training, "REPORT_EVERY", 1)
 

@@ -11,6 +11,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
 from dipcg.app.jobs import Busy, sentence
+from dipcg.app.training_folder import NoTraining
 from dipcg.workers.process import BuildError
 
 # Sentences for the errors that FastAPI and Starlette raise themselves.
@@ -29,6 +30,7 @@ def add_error_handlers(app: FastAPI) -> None:
     app.add_exception_handler(ClientDisconnect, _of_nobody)
     app.add_exception_handler(ValueError, _of(422))
     app.add_exception_handler(BuildError, _of(422))
+    app.add_exception_handler(NoTraining, _of(404))
     app.add_exception_handler(Busy, _of(503))
     app.add_exception_handler(Exception, _of(500))
 

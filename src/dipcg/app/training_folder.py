@@ -22,6 +22,13 @@ State = Literal["waiting", "proposing", "proposed", "learning", "stopping", "sto
 WORKING: tuple[State, ...] = ("waiting", "proposing", "learning", "stopping")
 
 
+class NoTraining(LookupError):
+    """A training that is asked for is not there, or no longer."""
+
+    def __init__(self) -> None:
+        super().__init__("There is no such training here.")
+
+
 class Training:
     """One generator that is learned, as its folder holds it."""
 
@@ -30,8 +37,10 @@ class Training:
 
     @property
     def order(self) -> dict[str, Any]:
-        """What is wanted: `task`, whether it is `active`, and its settings."""
-        return _read(self.folder / "order.json")
+        """What is wanted: `task`, whether it is `active`, and its settings; raises NoTraining once it is removed."""
+        if not (order := _read(self.folder / "order.json")):
+            raise NoTraining
+        return order
 
     @property
     def status(self) -> dict[str, Any]:

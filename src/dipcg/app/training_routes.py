@@ -10,13 +10,13 @@ from typing import Annotated
 
 import anyio.to_thread
 from fastapi import APIRouter, Depends, HTTPException, Query, Request
-from fastapi.responses import FileResponse
+from fastapi.responses import Response
 from fastapi.sse import EventSourceResponse
 
 from dipcg.app import models
 from dipcg.app.limits import MOST_SOURCE_BYTES, MOST_TOML_BYTES
 from dipcg.app.routes import TheDesk
-from dipcg.app.training_folder import WORKING, Training
+from dipcg.app.training_folder import WORKING, NoTraining, Training
 from dipcg.app.training_models import SOURCE_BODY, Learn, Proposed, Ranges, TrainingAnswer
 from dipcg.app.trainings import Trainings
 from dipcg.app.uploads import check_upload, receive
@@ -37,10 +37,7 @@ All = Annotated[Trainings, Depends(_trainings)]
 
 
 def _training(id: models.Id, every: All) -> Training:
-    try:
-        return every.get(id)
-    except LookupError as error:
-        raise HTTPException(404, str(error)) from None
+    return every.get(id)
 
 
 One = Annotated[Training, Depends(_training)]
@@ -51,7 +48,8 @@ Head = Annotated[int, Query(ge=0, le=MOST_TOML_BYTES)]
 @router.get("")
 def get_trainings(every: All) -> list[TrainingAnswer]:
     """All generators that are learned here, the oldest first."""
-    return [_answer(training, every) for training in every.all()]
+    with every.changed:
+        return [_answer(training, every) for training in every.all()]
 
 
 @router.post("", status_code=201, max_body_size=MOST_SOURCE_BYTES, openapi_extra=SOURCE_BODY)
@@ -89,8 +87,7 @@ async def get_training_events(training: One, every: All) -> AsyncIterator[Traini
     while True:
         try:
             now = await anyio.to_thread.run_sync(_answer, training, every)
-        except (KeyError, FileNotFoundError):
-            # It was deleted.
+        except NoTraining:
             return
         if now != seen:
             seen = now
@@ -100,13 +97,14 @@ async def get_training_events(training: One, every: All) -> AsyncIterator[Traini
         await asyncio.sleep(LOOK_S)
 
 
-@router.get("/{id}/samples/{number}", response_class=FileResponse)
-def get_sample(training: One, number: int) -> FileResponse:
+@router.get("/{id}/samples/{number}", response_class=Response)
+def get_sample(training: One, number: int) -> Response:
     """A picture of a random sample, as PNG."""
-    path = training.folder / "samples" / f"{number}.png"
-    if not path.is_file():
-        raise HTTPException(404, "There is no such sample.")
-    return FileResponse(path, media_type="image/png")
+    try:
+        picture = (training.folder / "samples" / f"{number}.png").read_bytes()
+    except FileNotFoundError:
+        raise HTTPException(404, "There is no such sample.") from None
+    return Response(picture, media_type="image/png")
 
 
 @router.put("/{id}/ranges")
@@ -138,7 +136,6 @@ def delete_training(training: One, every: All) -> None:
 
 def _answer(training: Training, every: Trainings) -> TrainingAnswer:
     order, status, found = training.order, training.status, training.found
-    pictures = sorted((training.folder / "samples").glob("*.png"))
     return TrainingAnswer(
         id=training.id,
         name=order["name"],
@@ -149,13 +146,17 @@ def _answer(training: Training, every: Trainings) -> TrainingAnswer:
         parameters=_parameters(training, order, found.get("values", {})),
         left_out=found.get("left_out", {}),
         notes=found.get("notes", []),
-        samples=[f"/api/v1/trainings/{training.id}/samples/{_versioned(path)}" for path in pictures],
+        samples=[f"/api/v1/trainings/{training.id}/samples/{name}" for name in _drawn(training.folder / "samples")],
     )
 
 
-def _versioned(path: Path) -> str:
-    """The number of a sample with when it was drawn, so that a browser asks for a new one."""
-    return f"{path.stem}?at={path.stat().st_mtime_ns}"
+def _drawn(samples: Path) -> list[str]:
+    """The number of each sample with when it was drawn, so that a browser asks for a new one."""
+    try:
+        return [f"{path.stem}?at={path.stat().st_mtime_ns}" for path in sorted(samples.glob("*.png"))]
+    except FileNotFoundError:
+        # They are being drawn again.
+        return []
 
 
 def _parameters(training: Training, order: dict, values: dict[str, str]) -> list[Proposed]:

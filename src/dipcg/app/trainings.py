@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import secrets
 import shutil
+import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from dipcg.app.jobs import Busy
 from dipcg.app.limits import MOST_TRAININGS
 from dipcg.app.sources import check_name
 from dipcg.app.studio import Studio
-from dipcg.app.training_folder import WORKING, State, Training, create, free_name
+from dipcg.app.training_folder import WORKING, NoTraining, State, Training, create, free_name
 from dipcg.app.training_queue import Queue
 from dipcg.importing.editing import edited, read_parameters
 from dipcg.importing.program import allow_program
@@ -51,18 +52,24 @@ class Trainings:
         """Whether Python files are taken, which run with all rights of the server."""
         return self._folder is not None and registry.is_allowed(self._folder)
 
+    @property
+    def changed(self) -> threading.Condition:
+        """Whoever holds it sees no training change."""
+        return self._queue.changed
+
     def all(self) -> list[Training]:
         """Every training, the oldest first."""
         if self._folder is None:
             return []
-        found = [Training(order.parent) for order in self._folder.glob("*/order.json")]
-        return sorted(found, key=lambda training: training.order["number"])
+        with self.changed:
+            found = [Training(order.parent) for order in self._folder.glob("*/order.json")]
+            return sorted(found, key=lambda training: training.order["number"])
 
     def get(self, name: str) -> Training:
-        """The training of an id; raises LookupError with a sentence."""
+        """The training of an id; raises NoTraining."""
         found = next((training for training in self.all() if training.id == name), None)
         if found is None:
-            raise LookupError("There is no such training here.")
+            raise NoTraining
         return found
 
     def state(self, training: Training) -> State:
@@ -83,7 +90,7 @@ class Trainings:
 
     def add(self, folder: Path, file: str, object: str = "", modifier: str = "") -> Training:
         """Have ranges proposed for a source that lies in `folder` as `source`."""
-        with self._queue.changed:
+        with self.changed:
             number = 1 + max((training.order["number"] for training in self.all()), default=0)
             training = create(folder, self._free_name(file), number, file, object, modifier)
         self._queue.begin(training, "propose")
@@ -108,7 +115,7 @@ class Trainings:
 
     def remove(self, training: Training) -> None:
         """Forget the generator with all that was learned."""
-        with self._queue.changed:
+        with self.changed:
             self._queue.stop(training)
             if not self._queue.wait_for(training):
                 raise ValueError("It is still being stopped; try again in a minute.")
