@@ -74,14 +74,18 @@ def measured(checkpoint: str, data: str, split: str, scale: float | None = None)
     return found
 
 
-def fit(checkpoint: str, data: str) -> None:
-    """Write the factor to the card with which coverage is nearest to right, on shapes that no table is about."""
+def fit(checkpoint: str, data: str) -> float:
+    """Write the factor to the card with which coverage is nearest to right, on shapes that no table is about.
+
+    Returns the share of true values that the widest interval of `LEVELS` then holds.
+    """
     found, path = measured(checkpoint, data, "validation", 1.0), find_checkpoint(checkpoint) / CARD
     off = [sum(abs(coverage(found, level, factor) - level) for level in LEVELS) for factor in FACTORS]
-    card = json.loads(path.read_text())
-    card["model"]["calibration_scale"] = round(float(FACTORS[np.argmin(off)]), 2)
+    card, factor = json.loads(path.read_text()), float(FACTORS[np.argmin(off)])
+    card["model"]["calibration_scale"] = round(factor, 2)
     path.write_text(json.dumps(card, indent=1))
-    print(f"The calibration scale of the samples is {card['model']['calibration_scale']:g}.\n")
+    print(f"The calibration scale of the samples is {factor:.3g}.\n")
+    return coverage(found, LEVELS[-1], factor)
 
 
 def add(found: Found, case: Case, estimate: Estimate, space: ParameterSpace, rng: np.random.Generator) -> None:

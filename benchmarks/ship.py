@@ -3,8 +3,9 @@
 The runs and data sets are those of `python -m benchmarks.marathon`. For each named generator (all that have a run when
 none is named) the calibration scale is fitted on the validation split. Then the new checkpoint and the one that ships
 estimate the same pictures of unseen shapes, and those of `DIPCG_BENCH_PAIRS`, a folder of pictures with surface points.
-The new one ships if its mean chamfer distance on unseen shapes is less. If it is the one whose features the classifier
-of pictures reads, the classifier is fitted anew.
+The new one ships if its mean chamfer distance on unseen shapes is less, and if its 90 % intervals hold at least 80 % of
+the true values: candidates that hardly differ say that the network is sure where it is not. If it is the one whose
+features the classifier of pictures reads, the classifier is fitted anew.
 """
 
 import os
@@ -26,6 +27,8 @@ from dipcg.pipeline import Inverter
 from dipcg.training.fit import fit as fit_classifier
 
 COUNT = int(os.environ.get("DIPCG_BENCH_SHAPES", "200"))
+# The least share of true values that the 90 % intervals must hold.
+LEAST_COVERED = 0.8
 UNSEEN, PAIRS = Plan(candidates=2), Plan(candidates=2, quarter_turns=True)
 
 
@@ -42,9 +45,11 @@ def main(*names: str) -> None:
 
 
 def _replaces(name: str, run: Path) -> bool:
-    """Whether the run's checkpoint is nearer to unseen shapes; then it is the one that ships from now on."""
+    """Whether the run's checkpoint is nearer to unseen shapes and calibrated; then it ships from now on."""
     data = str(HOME / "data" / name)
-    fit_calibration(str(run), data)
+    if (covered := fit_calibration(str(run), data)) < LEAST_COVERED:
+        print(f"\n{name} does not ship: its 90 % intervals hold {covered:.0%} of the true values.")
+        return False
     better = _compare(name, run, lambda: split_cases(data, COUNT), UNSEEN)
     if (pairs := os.environ.get("DIPCG_BENCH_PAIRS")) and any(Path(pairs).glob(f"{name}*.npz")):
         _compare(f"{name}, pairs", run, lambda: pair_cases(pairs, name), PAIRS)
