@@ -42,7 +42,7 @@ Probabilities = dict[str, dict[Value, float]]
 
 
 class Asked(NamedTuple):
-    """One estimate that is asked for: the prepared picture, the seed of its noise, and the values that are fixed."""
+    """One estimate that is asked for: its picture, the seed of its noise, and the values that are fixed."""
 
     picture: UInt8[np.ndarray, "s s 4"]
     background: Seen
@@ -104,9 +104,8 @@ class Inverter:
         """
         if not images:
             raise ValueError("Give at least one picture.")
-        prepared = [self._prepare(image) for image in images]
-        asked = [Asked(*prepared[0], seed, fixed or {})]
-        return self._estimate(self.features(*(picture for picture, *_ in prepared)), asked, candidates, steps)[0]
+        cutouts = [self._cut_out(image) for image in images]
+        return self._estimate(self._see(cutouts), [_asked(cutouts[0], seed, fixed or {})], candidates, steps)[0]
 
     @torch.inference_mode()
     def estimate_many(
@@ -116,8 +115,9 @@ class Inverter:
 
         One pass of the network is faster than one for each. Raises what `estimate` does.
         """
-        asked = [Asked(*self._prepare(picture), seed, fixed) for picture, seed, fixed in pictures]
-        return self._estimate(self.features(*(one.picture for one in asked)), asked, candidates, steps)
+        cutouts = [self._cut_out(picture) for picture, *_ in pictures]
+        asked = [_asked(cutout, *rest) for cutout, (_, *rest) in zip(cutouts, pictures, strict=True)]
+        return self._estimate(self._see(cutouts), asked, candidates, steps)
 
     @torch.inference_mode()
     def describe(
@@ -142,11 +142,11 @@ class Inverter:
     @torch.inference_mode()
     def guess(self, image: Source | Cutout) -> Candidate:
         """The direct regression from the picture's summary, without the denoiser; raises images.ImageError."""
-        guess = self.model.outputs.modes(self.model.first_guess(self.features(self._prepare(image)[0])))
+        guess = self.model.outputs.modes(self.model.first_guess(self._see([self._cut_out(image)])))
         return self._candidate(guess[0].double().numpy(), {})
 
     def features(self, *pictures: UInt8[np.ndarray, "s s 4"]) -> Features:
-        """The encoder's features of prepared pictures, a row for each."""
+        """The encoder's features of pictures that are cropped to its size, a row for each."""
         return self.model.encoder(torch.cat([encoder_input(picture) for picture in pictures]))
 
     def build(self, params: Params, detail: Detail = "standard") -> Asset:
@@ -177,12 +177,13 @@ class Inverter:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _prepare(self, image: Source | Cutout) -> tuple[UInt8[np.ndarray, "s s 4"], Seen, Colour | None]:
+    def _cut_out(self, image: Source | Cutout) -> Cutout:
         if not self.image_size:
             raise ValueError("This checkpoint reads words, not pictures; give it a text.")
-        cutout = cut_out(image)
-        background = "drawing" if cutout.is_drawing else cutout.background
-        return cutout.crop(self.image_size), background, cutout.ground
+        return cut_out(image)
+
+    def _see(self, cutouts: Sequence[Cutout]) -> Features:
+        return self.features(*(cutout.crop(self.image_size) for cutout in cutouts))
 
     def _estimate(
         self, features: Features, asked: Sequence[Asked], candidates: int, steps: int | None
@@ -281,3 +282,8 @@ class Inverter:
     def _candidate(self, x: Float[np.ndarray, " d"], fixed: Params) -> Candidate:
         params = self.generator.space.replace(self.generator.space.decode(x[:-VIEW_NUMBERS]), fixed)
         return Candidate(params, decode_view(x[-VIEW_NUMBERS:]))
+
+
+def _asked(cutout: Cutout, seed: int, fixed: Mapping[str, Any]) -> Asked:
+    background = "drawing" if cutout.is_drawing else cutout.background
+    return Asked(cutout.picture, background, cutout.ground, seed, fixed)

@@ -14,6 +14,7 @@ from dipcg.images import cut_out
 from dipcg.inference.estimate import Options, Result, describe, estimate, look, look_at_many
 from dipcg.inference.inverters import Inverters
 from dipcg.inference.rank import rank
+from dipcg.inference.refine import refine
 from dipcg.inference.serialise import to_dict
 from dipcg.model.checkpoint import save_checkpoint
 from dipcg.pipeline import Inverter
@@ -51,6 +52,17 @@ def test_it_is_the_estimate_of_the_pipeline_ranked(inverters, image):
     unranked = estimate(image, inverters, replace(FEW, generator="box", rank=False)).estimate
     assert unranked.misfit is None
     assert len(unranked.candidates) == 3
+
+
+def test_the_estimate_keeps_its_picture_whatever_size_the_encoder_takes(image):
+    for size in (64, 128):
+        inverter = untrained("box", replace(TINY, image_size=size))
+        found = inverter.estimate(image, 2, 1)
+        np.testing.assert_array_equal(found.image, cut_out(image).picture)
+        # What the network itself suggests is found by its own size.
+        refined = refine(rank(found, inverter), inverter, seconds=60, most_builds=3)
+        assert refined.misfit is not None
+        inverter.close()
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -15,7 +16,7 @@ from dipcg.images.photograph import Marks, grabcut, photo_alpha, plain_alpha
 from dipcg.images.pieces import one_thing, touched, without_specks
 from dipcg.images.plain import is_plain, known_from
 from dipcg.images.read import RGBA, Source, read_image
-from dipcg.images.views import crop_to_object, is_line_drawing
+from dipcg.images.views import crop_to_object, is_line_drawing, side_of_object
 from dipcg.materials import Colour
 
 Background = Literal["alpha", "plain", "photo"]
@@ -25,8 +26,9 @@ Stroke = Sequence[Sequence[float | int]]
 # Transparency that leaves a box of at least this share of each side, nearly filled, has trimmed a picture's edges or
 # corners, and has cut nothing out.
 TRIMMED_SIDE, TRIMMED_FILL = 0.9, 0.95
-# Lines are told from surfaces at this size: in smaller pictures lines that lie close together become one surface.
-DRAWING_SIDE = 256
+# The largest side of the picture that an estimate keeps. Lines are told from surfaces at this size: in smaller pictures
+# lines that lie close together become one surface.
+PICTURE_SIDE = 256
 # The width of a stroke as a share of the picture's longer side.
 STROKE = 0.015
 
@@ -55,7 +57,12 @@ class Cutout:
     @property
     def is_drawing(self) -> bool:
         """Whether the object is drawn in lines, which say nothing about what it covers, or about its colours."""
-        return is_line_drawing(crop_to_object(self.image, DRAWING_SIDE))
+        return is_line_drawing(crop_to_object(self.picture, PICTURE_SIDE))
+
+    @cached_property
+    def picture(self) -> UInt8[np.ndarray, "s s 4"]:
+        """The object as an estimate keeps it, for comparing, colours and people: reduced, but never enlarged."""
+        return self.crop(min(PICTURE_SIDE, side_of_object(self.image)))
 
     def crop(self, size: int) -> UInt8[np.ndarray, "size size 4"]:
         """The object as a network of this input size is given it."""

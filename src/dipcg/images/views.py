@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -21,12 +22,13 @@ PAPER = 250
 
 def crop_to_object(image: RGBA, size: int, margin: float = MARGIN) -> UInt8[np.ndarray, "size size 4"]:
     """A square picture of the object, centred, with `margin` of the side left free around its longer direction."""
-    ys, xs = np.nonzero(image[..., 3] > 32)
-    low, high = np.array([xs.min(), ys.min()]), np.array([xs.max() + 1, ys.max() + 1])
-    half = (high - low).max() / 2 / (1 - 2 * margin)
-    left, top = (low + high) / 2 - half
-    box = (left, top, left + 2 * half, top + 2 * half)
-    return _resize_premultiplied(image, box, size)
+    return _resize_premultiplied(image, _square(image, margin), size)
+
+
+def side_of_object(image: RGBA, margin: float = MARGIN) -> int:
+    """The side of its crop at which no pixel is lost or made up."""
+    left, _, right, _ = _square(image, margin)
+    return math.ceil(right - left)
 
 
 def over_white(image: RGBA) -> UInt8[np.ndarray, "h w 3"]:
@@ -67,6 +69,15 @@ def save_image(image: UInt8[np.ndarray, "h w c"], path: str | Path) -> None:
     """Write a PNG; raises OSError."""
     with written(path) as unfinished:
         Image.fromarray(np.ascontiguousarray(image)).save(unfinished)
+
+
+def _square(image: RGBA, margin: float) -> tuple[float, float, float, float]:
+    """Left, top, right and bottom of the square around the object."""
+    ys, xs = np.nonzero(image[..., 3] > 32)
+    low, high = np.array([xs.min(), ys.min()]), np.array([xs.max() + 1, ys.max() + 1])
+    half = (high - low).max() / 2 / (1 - 2 * margin)
+    left, top = (low + high) / 2 - half
+    return left, top, left + 2 * half, top + 2 * half
 
 
 def _resize_premultiplied(

@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Bool, Float, UInt8
 
 from dipcg.camera import VIEW_NUMBERS, View, decode_view, encode_view
-from dipcg.images import MARGIN
+from dipcg.images import MARGIN, crop_to_object
 from dipcg.pipeline import Candidate, Estimate, Inverter
 from dipcg.render import Renderer
 from dipcg.space import Params
@@ -26,7 +26,7 @@ class Corrector:
     def __init__(self, estimate: Estimate, inverter: Inverter, rng: np.random.Generator) -> None:
         self.inverter, self.space, self.fixed = inverter, inverter.generator.space, estimate.fixed
         self.rng, self.renderer = rng, Renderer(inverter.image_size)
-        self._target = first_guess(inverter, estimate.image)
+        self._target = first_guess(inverter, crop_to_object(estimate.image, inverter.image_size))
 
     def close(self) -> None:
         """Free the renderer."""
@@ -51,13 +51,7 @@ class Corrector:
         return self.space.replace(params, self.fixed), decode_view(x[-VIEW_NUMBERS:])
 
 
-def can_correct(estimate: Estimate, inverter: Inverter) -> bool:
-    """Whether the network makes a direct guess, as the paper's does not, from pictures of the estimate's size."""
-    side = inverter.image_size
-    return inverter.model.makes_guess and estimate.image.shape[:2] == (side, side)
-
-
 @torch.inference_mode()
 def first_guess(inverter: Inverter, image: UInt8[np.ndarray, "s s 4"]) -> Float[np.ndarray, " d"]:
-    """The direct guess from a prepared picture, as x with the camera's numbers."""
+    """The direct guess from a picture that is cropped to the encoder's size, as x with the camera's numbers."""
     return inverter.model.first_guess(inverter.features(image)).mean[0].double().numpy()

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from dipcg.camera import View
-from dipcg.inference.correct import Corrector, can_correct
+from dipcg.inference.correct import Corrector
 from dipcg.inference.evolution import EvolutionStrategy
 from dipcg.inference.rank import Judge, light_meshes, merge, rank, with_candidates
 from dipcg.mesh import Mesh
@@ -74,7 +74,7 @@ class Search:
     def __init__(self, estimate: Estimate, inverter: Inverter, started: float, seed: int) -> None:
         self.estimate, self.inverter, self.space = estimate, inverter, inverter.generator.space
         self.judge, self.rng = Judge(estimate, self.space), np.random.default_rng(seed)
-        self._corrector = Corrector(estimate, inverter, self.rng) if can_correct(estimate, inverter) else None
+        self._corrector = Corrector(estimate, inverter, self.rng) if inverter.model.makes_guess else None
         self._corrections_left = CORRECTION_PATIENCE
         self.best = estimate.candidates[0]
         self.builds, self.idle, self._started, self._took = 0, 0, started, 0.0
@@ -87,7 +87,7 @@ class Search:
         if self._corrector:
             self._corrector.close()
 
-    def goes_on(self, seconds: float, most_builds: int | None) -> bool:
+    def goes_on(self, seconds: float | int, most_builds: int | None) -> bool:
         """Whether there is time for another generation, and one of the last ones found something better."""
         left = seconds - (time.monotonic() - self._started)
         enough = most_builds is not None and self.builds >= most_builds
