@@ -7,15 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from boxes import BOX, untrained, write_ball
+from boxes import BOX, TRUTH, untrained, write_ball
 from PIL import Image
 
-from dipcg.camera import ViewGrid
+from dipcg.camera import View, ViewGrid
 from dipcg.cli import main
 from dipcg.data.store import Store, build_dataset
 from dipcg.evaluation.baselines import Shape, built_shapes, middle, shortlist, stored_shapes
 from dipcg.evaluation.evaluate import Case, Plan, evaluate, pair_cases, split_cases
 from dipcg.evaluation.photographs import photographed_cases
+from dipcg.evaluation.reader import perfect_reading
 from dipcg.images import MARGIN
 from dipcg.metrics import chamfer, parameter_error, surface_points
 from dipcg.pipeline import Inverter
@@ -135,6 +136,21 @@ def test_a_shape_among_the_random_ones_is_found_to_the_noise_floor(inverter, sha
         assert table.values["mean of the prior"]["chamfer"][0] > 0.05
 
 
+def test_a_perfect_reader_guesses_nothing_but_what_the_picture_does_not_show(inverter):
+    truth = BOX.replace(TRUTH, {"top": "flat", "has_legs": False})
+    guess = BOX.replace(truth, {"width": 0.8, "depth": 0.4, "height": 0.6})
+    # Seen straight from its side, a box shows its depth and height, but not how far its width goes on behind.
+    assert perfect_reading(inverter, truth, View(90.0, 0.0, 2.5), guess) == truth | {"width": 0.8}
+    assert perfect_reading(inverter, truth, View(30.0, 20.0, 2.5), guess) == truth
+
+
+def test_a_perfect_reader_is_nearer_than_an_estimate_that_knows_nothing(inverter, data):
+    table = evaluate(inverter, split_cases(data, 3), Plan(2, 1, metrics=["chamfer"], perfect=True))
+    read, estimated = (table.values[row]["chamfer"] for row in ("perfect reader", "estimate"))
+    assert all(one <= other for one, other in zip(read, estimated, strict=True))
+    assert max(read) < 0.5 * min(estimated)
+
+
 def test_a_row_does_not_depend_on_which_others_there_are(inverter, data, shapes):
     alone, beside = (
         evaluate(inverter, split_cases(data, 2), Plan(2, 2, metrics=["chamfer"], random_shapes=some))
@@ -170,6 +186,12 @@ def test_a_negative_number_of_shapes_is_refused(capsys):
     with pytest.raises(SystemExit):
         main(["evaluate", "chair", "--data", "nowhere", "--nearest-of", "-1"])
     assert capsys.readouterr().err == "--nearest-of is a number of shapes, 0 for none, got -1.\n"
+
+
+def test_a_perfect_reader_needs_a_data_set(capsys):
+    with pytest.raises(SystemExit):
+        main(["evaluate", "chair", "--pairs", "nowhere", "--perfect-reader"])
+    assert "(--data)" in capsys.readouterr().err
 
 
 # The paper's protocol

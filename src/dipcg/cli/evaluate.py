@@ -39,6 +39,7 @@ def evaluate(
     nearest_of: int = 200,
     rank: bool = False,
     refine: float = 0.0,
+    perfect_reader: bool = False,
     meshes: Path | None = None,
     pictures: Path | None = None,
     json: Path | None = None,
@@ -63,6 +64,8 @@ def evaluate(
             train split, or with --pairs built for it; 0 leaves it out
         rank: build all candidates, and measure the one ranked first and the one nearest to the truth too
         refine: seconds of search after which the result is measured too
+        perfect_reader: measure the true parameters too, with those of the estimate wherever they leave the picture as
+            it is: what somebody would reach who makes no mistake about what the picture shows; with --data
         meshes: folder with the NAME.glb or NAME.obj that another tool made of each picture
         pictures: folder for the pictures, as NAME.png
         json: file for the table as JSON
@@ -75,6 +78,8 @@ def evaluate(
 
     if (data is None) == (pairs is None):
         raise ValueError("Give one of --data and --pairs.")
+    if perfect_reader and data is None:
+        raise ValueError("--perfect-reader needs the true parameters and cameras of a data set (--data).")
     if nearest_of < 0:
         raise ValueError(f"--nearest-of is a number of shapes, 0 for none, got {nearest_of}.")
     if json is not None:
@@ -90,7 +95,7 @@ def evaluate(
     with Inverter.load(generator, workers=2) as inverter:
         cases, done = _cases(protocol, data, pairs, prefix or inverter.generator.name, count), counter(1)
         shapes, turns = _random_shapes(inverter, data, nearest_of), pairs is not None and protocol == "ours"
-        plan = Plan(candidates, steps, turns, metric, rank, refine, shapes)
+        plan = Plan(candidates, steps, turns, metric, rank, refine, perfect_reader, shapes)
         with bar("measuring", count) as update:
             measured = measure(inverter, cases, plan, lambda case: update(next(done), case.name))
     print(f"{table(measured)}\n\n{differences(measured)}")

@@ -14,9 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 from dipcg import registry
+from dipcg.camera import View
 from dipcg.data.codec import decode_mesh
 from dipcg.data.shapes import load_shapes
 from dipcg.evaluation.baselines import Shape, middle, shortlist
+from dipcg.evaluation.reader import perfect_reading
 from dipcg.evaluation.tables import ESTIMATE, Table
 from dipcg.images import MARGIN, Source
 from dipcg.inference.rank import rank
@@ -41,13 +43,17 @@ Sampler = Callable[[int, np.random.Generator], np.ndarray]
 
 @dataclass(frozen=True)
 class Case:
-    """A picture and the shape it shows; `sample(count, rng)` gives points of the surface in the measuring frame."""
+    """A picture and the shape it shows; `sample(count, rng)` gives points of the surface in the measuring frame.
+
+    Pictures of data sets also have the true parameters, mesh and camera.
+    """
 
     name: str
     image: Source
     sample: Sampler
     params: Params | None = None
     mesh: Mesh | None = None
+    view: View | None = None
 
 
 def split_cases(folder: str | Path, count: int, seed: int = 0, split: str = "test") -> Iterator[Case]:
@@ -58,8 +64,9 @@ def split_cases(folder: str | Path, count: int, seed: int = 0, split: str = "tes
         mesh = decode_mesh(shapes.meshes[number])
         look = sample_look(rng, len(mesh.part_names))
         params = generator.space.decode(shapes.x[number].astype(float))
-        image = renderer.render(mesh, generator.seen_from(params).sample(rng), look, MARGIN)
-        yield Case(f"{split}-{number}", np.ascontiguousarray(image), mesh_sampler(mesh), params, mesh)
+        view = generator.seen_from(params).sample(rng)
+        image = np.ascontiguousarray(renderer.render(mesh, view, look, MARGIN))
+        yield Case(f"{split}-{number}", image, mesh_sampler(mesh), params, mesh, view)
 
 
 def pair_cases(folder: str | Path, prefix: str) -> Iterator[Case]:
@@ -102,6 +109,8 @@ class Plan:
     """build all candidates, and measure the one that ranking puts first and the one nearest to the truth too"""
     refine_s: float = 0.0
     """seconds of search after which the result is measured too; none when 0"""
+    perfect: bool = False
+    """measure what a reader would estimate who makes no mistake about what the picture shows"""
     random_shapes: Sequence[Shape] = ()
     """shapes of which the one nearest to the truth is a row: the bound of a search without a network"""
 
@@ -142,6 +151,9 @@ def _estimates(inverter: Inverter, case: Case, plan: Plan) -> Iterator[Shown]:
     estimate = inverter.estimate(case.image, max(2, plan.candidates), plan.steps)
     yield from _nearest(plan.random_shapes, case, plan.quarter_turns)
     yield from _unranked(inverter, estimate, case)
+    if plan.perfect and case.params is not None and case.view is not None:
+        read = perfect_reading(inverter, case.params, case.view, estimate.params)
+        yield _built(inverter, "perfect reader", case.params if read is None else read)
     if plan.ranked or plan.refine_s:
         yield from _ranked(inverter, estimate, case, plan)
 

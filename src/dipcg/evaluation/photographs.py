@@ -37,11 +37,11 @@ def photographed_cases(
             if (mesh := _built(pool, params)) is None:
                 continue
             picture = Path(pictures) / f"{generator.name}_{number + 1:04d}.png"
+            view = views.sample(np.random.default_rng([7, number]))
             if not picture.is_file():
-                view = views.sample(np.random.default_rng([7, number]))
                 arguments = mesh, generator.ref, number, view, PICTURE, SAMPLES, MARGIN
                 save_image(blender.call("scene:photograph", *arguments), picture)
-            yield Case(picture.stem, picture, mesh_sampler(mesh), params, mesh)
+            yield Case(picture.stem, picture, mesh_sampler(mesh), params, mesh, view)
 
 
 def _built(pool: BuildPool, params: Params) -> Mesh | None:
