@@ -2,15 +2,18 @@
 
 A job passes through these stages, and waits for another visitor's build in none of them:
 1. Two threads cut objects out.
-2. One thread runs the network, on all pictures that wait by then. The unranked result is shown.
+2. One thread runs the network, on a few pictures that wait by then. The unranked result is shown.
 3. The workers build the first four candidates, two threads compare them with the picture, and the result is shown.
 4. The workers build the others when they have nothing else to do, and the same threads compare them.
+
+Stages 3 and 4 take the processor from 1 and 2, so they wait for a while until everybody has an unranked result.
 """
 
 from __future__ import annotations
 
 import contextlib
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -28,8 +31,10 @@ from dipcg.inference.estimate import Options, Result, describe, look, look_at_ma
 from dipcg.pipeline import Candidate
 from dipcg.workers.process import BuildError
 
-# Pictures in one pass of the network.
-BATCH = 16
+# Pictures in one pass of the network: with more, the first would wait for the last, and none is faster.
+BATCH = 4
+# Seconds after its unranked result in which a job lets the unranked results of others go first.
+YIELD_S = 20.0
 # Candidates that are built before the others, and the priorities of both; what a visitor edits comes before either.
 FIRST, SOON, LATER = 4, 1, 2
 NONE_BUILT = "None of the candidates could be built; try another picture or another seed."
@@ -48,6 +53,7 @@ class Asked:
     cutout: Cutout | None = None
     picture: str | None = None
     """the id of the cut-out"""
+    yields_until: float = 0.0
 
 
 class Estimating:
@@ -58,6 +64,8 @@ class Estimating:
         self._cutting = ThreadPoolExecutor(2, thread_name_prefix="cut")
         self._judging = ThreadPoolExecutor(2, thread_name_prefix="judge")
         self._waiting: deque[Asked] = deque()
+        # Those without a result yet.
+        self._unanswered: set[Job] = set()
         self._changed = threading.Condition()
         self._closed = False
         self._network = threading.Thread(target=self._run_network, name="network", daemon=True)
@@ -65,6 +73,8 @@ class Estimating:
 
     def start(self, asked: Asked) -> None:
         """Begin; the job says how it goes on."""
+        with self._changed:
+            self._unanswered.add(asked.job)
         if isinstance(asked.source, str):
             self._await_network(asked)
         else:
@@ -128,7 +138,7 @@ class Estimating:
             results = [None] * len(many)
         for asked, result in zip(many, results, strict=True):
             if result is None:
-                self._judge_later(asked, partial(self._look_alone, asked))
+                self._do_later(asked, partial(self._look_alone, asked))
             else:
                 guarded(asked.job, partial(self._looked, asked, result))
 
@@ -139,6 +149,13 @@ class Estimating:
     def _looked(self, asked: Asked, result: Result) -> None:
         """Show what the network says, and have the first candidates built."""
         asked.job.show(as_answer(result, asked.picture))
+        asked.yields_until = time.monotonic() + YIELD_S
+        with self._changed:
+            self._unanswered.discard(asked.job)
+            self._changed.notify_all()
+        self._judge_later(asked, partial(self._build_first, asked, result))
+
+    def _build_first(self, asked: Asked, result: Result) -> None:
         asked.job.report(0.3, "Building and comparing the candidates")
         candidates = result.estimate.candidates
         first = replace(result, estimate=replace(result.estimate, candidates=candidates[:FIRST]))
@@ -153,9 +170,23 @@ class Estimating:
         builds.start()
 
     def _judge_later(self, asked: Asked, work: Callable[[], None]) -> None:
+        self._do_later(asked, partial(self._after_first_results, asked, work))
+
+    def _do_later(self, asked: Asked, work: Callable[[], None]) -> None:
         # Builds may end after this is closed.
         with contextlib.suppress(RuntimeError):
             self._judging.submit(guarded, asked.job, work)
+
+    def _after_first_results(self, asked: Asked, work: Callable[[], None]) -> None:
+        with self._changed:
+            while not self._closed and self._anybody_waits() and time.monotonic() < asked.yields_until:
+                self._changed.wait(0.1)
+        work()
+
+    def _anybody_waits(self) -> bool:
+        # Some have failed or were given up.
+        self._unanswered = {job for job in self._unanswered if not job.is_over}
+        return bool(self._unanswered)
 
     def _compare_first(self, asked: Asked, result: Result, others: list[Candidate], built: list[Outcome]) -> None:
         found = judge(result, built, self._studio, asked.thumbnails)
