@@ -115,8 +115,8 @@ class Inverter:
 
         One pass of the network is faster than one for each. Raises what `estimate` does.
         """
-        cutouts = [self._cut_out(picture) for picture, *_ in pictures]
-        asked = [_asked(cutout, *rest) for cutout, (_, *rest) in zip(cutouts, pictures, strict=True)]
+        cutouts = [self._cut_out(picture) for picture, _, _ in pictures]
+        asked = [_asked(cutout, seed, fixed) for cutout, (_, seed, fixed) in zip(cutouts, pictures, strict=True)]
         return self._estimate(self._see(cutouts), asked, candidates, steps)
 
     @torch.inference_mode()
