@@ -147,6 +147,11 @@ def test_files_are_short(path: Path) -> None:
     assert count <= MAX_LINES, f"{path.name} has {count} lines, at most {MAX_LINES}; is there a second subject in it?"
 
 
+def test_the_results_fit_on_one_page() -> None:
+    """Whoever adds a line takes another to the page of its experiment."""
+    assert len((ROOT / "docs/results.md").read_text().splitlines()) <= 150
+
+
 @pytest.mark.parametrize("folder", ["src", "tests", "benchmarks", "examples", "addon"])
 def test_comments_stand_on_lines_of_their_own(folder: str) -> None:
     trailing = [place for path in (ROOT / folder).rglob("*.py") for place in comments_behind_code(path)]
