@@ -138,7 +138,9 @@ class Estimating:
             results = [None] * len(many)
         for asked, result in zip(many, results, strict=True):
             if result is None:
-                self._do_later(asked, partial(self._look_alone, asked))
+                # This takes builds, as what follows a result does, so nobody waits for it.
+                self._wait_no_more_for(asked)
+                self._judge_later(asked, partial(self._look_alone, asked))
             else:
                 guarded(asked.job, partial(self._looked, asked, result))
 
@@ -150,10 +152,13 @@ class Estimating:
         """Show what the network says, and have the first candidates built."""
         asked.job.show(as_answer(result, asked.picture))
         asked.yields_until = time.monotonic() + YIELD_S
+        self._wait_no_more_for(asked)
+        self._judge_later(asked, partial(self._build_first, asked, result))
+
+    def _wait_no_more_for(self, asked: Asked) -> None:
         with self._changed:
             self._unanswered.discard(asked.job)
             self._changed.notify_all()
-        self._judge_later(asked, partial(self._build_first, asked, result))
 
     def _build_first(self, asked: Asked, result: Result) -> None:
         asked.job.report(0.3, "Building and comparing the candidates")
@@ -170,12 +175,9 @@ class Estimating:
         builds.start()
 
     def _judge_later(self, asked: Asked, work: Callable[[], None]) -> None:
-        self._do_later(asked, partial(self._after_first_results, asked, work))
-
-    def _do_later(self, asked: Asked, work: Callable[[], None]) -> None:
         # Builds may end after this is closed.
         with contextlib.suppress(RuntimeError):
-            self._judging.submit(guarded, asked.job, work)
+            self._judging.submit(guarded, asked.job, partial(self._after_first_results, asked, work))
 
     def _after_first_results(self, asked: Asked, work: Callable[[], None]) -> None:
         with self._changed:
