@@ -197,6 +197,23 @@ def picture_beside() -> None:
     pictured(False)
 
 
+def baked() -> None:
+    """A box whose Bake node takes what it baked from a folder beside the file."""
+    tree = simple()
+    bake, result = tree.nodes.new("GeometryNodeBake"), tree.nodes["Group Output"]
+    tree.links.new(result.inputs[0].links[0].from_socket, bake.inputs[0])
+    tree.links.new(bake.outputs[0], result.inputs[0])
+    modifier = add("Box", tree).modifiers[0]
+    modifier.bake_directory = "//bakes"
+    (FOLDER / "bakes").mkdir()
+
+
+def cloth() -> None:
+    """A box with cloth, whose motion lies in files."""
+    modifier = add("Box", simple()).modifiers.new("cloth", "CLOTH")
+    modifier.point_cache.use_external = True
+
+
 def trap() -> None:
     """A text that runs when Auto Run is on, and a driver that calls what it must not."""
     obj = add("Box", simple())
@@ -213,7 +230,7 @@ if __name__ == "__main__":
     FOLDER = Path(sys.argv[1]).resolve()
     bpy.context.preferences.filepaths.save_version = 0
     usual = (kinds, two, plain, unseen, instances, curve, mixed, bevelled, unlinked, no_inputs, linked)
-    for make in (*usual, trap, picture_packed, picture_beside):
+    for make in (*usual, trap, picture_packed, picture_beside, baked, cloth):
         bpy.ops.wm.read_factory_settings(use_empty=True)
         make()
         bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / f"{make.__name__}.blend"), compress=True)

@@ -192,6 +192,8 @@ def test_a_wrong_range_is_named(capsys, blends, given, expected):
         ("unlinked.blend", [], "has no faces. Curves and points alone are no surface: give them some"),
         ("no_inputs.blend", [], "no input of 'Box' can be a parameter (Note: string inputs are not parameters"),
         ("picture_beside.blend", [], "height.png. In Blender, make it local"),
+        ("baked.blend", [], "'Box' in {folder}/baked.blend needs //bakes. In Blender, make it local"),
+        ("cloth.blend", [], "needs the cache of its modifier 'cloth'"),
         ("linked.blend", [], "needs the geometry node tree 'tree' of //kinds.blend"),
         ("missing.blend", [], "There is no file"),
         ("text.blend", [], "text.blend is not a Blender file"),
@@ -207,8 +209,13 @@ def test_a_file_that_cannot_be_used_gets_a_sentence(capsys, blends, name, words,
     lamp = LAMP.read_bytes()
     for part, share in (("header", 0.001), ("half", 0.5), ("end", 0.99)):
         (blends / f"{part}.blend").write_bytes(lamp[: int(share * len(lamp))])
-    assert expected in sentence(capsys, "generators", "add", blends / name, *words)
+    assert expected.replace("{folder}", str(blends)) in sentence(capsys, "generators", "add", blends / name, *words)
     assert list(blends.glob("*.toml")) == []
+
+
+def test_a_bake_that_is_gone_is_not_needed(blends):
+    (blends / "bakes").rmdir()
+    assert import_blend(blends / "baked.blend").parameters
 
 
 def test_blender_that_stops_hangs_or_is_missing_gets_a_sentence(capsys, blends, monkeypatch):

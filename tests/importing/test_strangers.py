@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import subprocess
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -75,6 +76,29 @@ def test_a_file_of_a_newer_blender_is_refused_with_its_version(stranger):
 @newer
 def test_a_newer_blender_builds(tmp_path):
     check_other_blender(tmp_path, NEWER)
+
+
+@newer
+def test_a_node_that_reads_another_file_is_refused(tmp_path):
+    """With Import Text, whoever sends a file would read any file of the server as a mesh of its letters."""
+    program = f"""
+import bpy
+tree = bpy.data.node_groups.new("reader", "GeometryNodeTree")
+tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+tree.interface.new_socket("Size", in_out="INPUT", socket_type="NodeSocketFloat")
+chain = [tree.nodes.new(name) for name in (
+    "GeometryNodeImportText", "GeometryNodeStringToCurves", "GeometryNodeRealizeInstances", "GeometryNodeFillCurve",
+    "NodeGroupOutput")]
+chain[0].inputs[0].default_value = {str(LAMP.with_name("fluted_vase.scad"))!r}
+for one, other in zip(chain, chain[1:]):
+    tree.links.new(one.outputs[0], other.inputs[0])
+tree.links.new(tree.nodes.new("NodeGroupInput").outputs["Size"], chain[1].inputs["Size"])
+bpy.context.object.modifiers.new("reader", "NODES").node_group = tree
+bpy.ops.wm.save_as_mainfile(filepath={str(tmp_path / "reader.blend")!r})
+"""
+    subprocess.run([NEWER, "-c", program], check=True, capture_output=True)
+    with pytest.raises(ValueError, match=r"has nodes that read other files: Import Text\."):
+        import_blend(tmp_path / "reader.blend", Options(blender=NEWER))
 
 
 @older

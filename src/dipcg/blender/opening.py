@@ -6,9 +6,9 @@ Nothing in the file is executed, neither scripts nor Python drivers, and nothing
 from __future__ import annotations
 
 import os
-from collections import defaultdict
 from typing import Any
 
+from dipcg.blender.outside import check_nothing_outside, needed_by, trees
 from dipcg.blender.sockets import Inputs, ModifierInputs, NodeInputs, inner_groups, usable
 from dipcg.space import did_you_mean
 
@@ -33,9 +33,10 @@ def open_object(path: str, name: str = "", saved_by: Version = (0, 0)) -> Any:
         reason = hint or f" {str(error).strip().splitlines()[-1].removeprefix('Error: ').rstrip('.')}."
         raise ValueError(f"Blender {bpy.app.version_string} cannot open {path}.{reason}") from None
     obj = _find(path, name)
-    needed = _needed_by(obj)
-    _check_links(path, obj, needed)
-    unknown = sorted({node.name for tree in _trees(needed) for node in tree.nodes if node.bl_idname == "NodeUndefined"})
+    check_nothing_outside(path, obj)
+    unknown = sorted(
+        {node.name for tree in trees(needed_by(obj)) for node in tree.nodes if node.bl_idname == "NodeUndefined"}
+    )
     if unknown:
         named = ", ".join(unknown)
         raise ValueError(f"{path} has nodes that Blender {bpy.app.version_string} does not know: {named}.{hint}")
@@ -66,7 +67,7 @@ def find_inputs(obj: Any, name: str = "", group: tuple[str, ...] | None = None) 
 
 def python_drivers(obj: Any) -> list[str]:
     """What Python drivers, which are not run, would set on the object and on what it needs."""
-    animated = [block.animation_data for block in _needed_by(obj) if getattr(block, "animation_data", None)]
+    animated = [block.animation_data for block in needed_by(obj) if getattr(block, "animation_data", None)]
     drivers = [curve for animation in animated for curve in animation.drivers]
     scripted = [curve for curve in drivers if curve.driver.type == "SCRIPTED"]
     return [curve.data_path for curve in scripted if not curve.driver.is_simple_expression]
@@ -97,55 +98,3 @@ def _some(found: dict[str, Any]) -> str:
 
 def _names(things: Any) -> str:
     return ", ".join(thing.name for thing in things) or "none"
-
-
-def _needed_by(obj: Any, without: tuple[type, ...] = ()) -> set[Any]:
-    """All data blocks that an object needs, directly or through others, and itself; none of or through some types."""
-    import bpy
-
-    uses = defaultdict(set)
-    for used, users in bpy.data.user_map().items():
-        for user in users:
-            uses[user].add(used)
-    needed, todo = {obj}, [obj]
-    while todo:
-        new = {block for block in uses[todo.pop()] - needed if not isinstance(block, without)}
-        needed |= new
-        todo += new
-    return needed
-
-
-def _trees(needed: set[Any]) -> list[Any]:
-    import bpy
-
-    return [block for block in needed if isinstance(block, bpy.types.NodeTree)]
-
-
-def _check_links(path: str, obj: Any, needed: set[Any]) -> None:
-    """Refuse data of other files, which may change or be missing, where the object needs it."""
-    import bpy
-
-    linked = {f"the {b.bl_rna.name.lower()} {b.name!r} of {b.library.filepath}" for b in needed if b.library}
-    kinds = (bpy.types.CacheFile, bpy.types.VectorFont, bpy.types.Volume)
-    beside = [block for block in needed if isinstance(block, kinds)]
-    files = {block.filepath for block in beside if not getattr(block, "packed_file", None)} - {"", "<builtin>"}
-    files |= _shaping_files(obj)
-    if linked or files:
-        raise ValueError(
-            f"The object {obj.name!r} in {path} needs {', '.join(sorted(linked | files))}. In Blender, make it local "
-            "(Object > Relations > Make Local) or pack it (File > External Data), and save."
-        )
-
-
-def _shaping_files(obj: Any) -> set[str]:
-    """Files beside the Blender file that change the object's shape: pictures that are not packed, and baked motion.
-
-    Pictures of materials change no shape, and nothing reads them.
-    """
-    import bpy
-
-    needed = _needed_by(obj, without=(bpy.types.Material,))
-    pictures = [block for block in needed if isinstance(block, bpy.types.Image) and block.source != "GENERATED"]
-    objects = [block for block in needed if isinstance(block, bpy.types.Object)]
-    caches = {modifier.filepath for one in objects for modifier in one.modifiers if modifier.type == "MESH_CACHE"}
-    return ({picture.filepath for picture in pictures if not picture.packed_file} | caches) - {""}
