@@ -17,6 +17,7 @@ import numpy as np
 from benchmarks.timing import header, machine, row
 from dipcg.data.store import Store
 from dipcg.evaluation.evaluate import Case, split_cases
+from dipcg.files import write_file, written
 from dipcg.model.zoo import CARD, find_checkpoint
 from dipcg.pipeline import Estimate, Inverter
 from dipcg.space import ParameterSpace, Real
@@ -83,7 +84,7 @@ def fit(checkpoint: str, data: str) -> float:
     off = [sum(abs(coverage(found, level, factor) - level) for level in LEVELS) for factor in FACTORS]
     card, factor = json.loads(path.read_text()), float(FACTORS[np.argmin(off)])
     card["model"]["calibration_scale"] = round(factor, 2)
-    path.write_text(json.dumps(card, indent=1))
+    write_file(path, json.dumps(card, indent=1))
     print(f"The calibration scale of the samples is {factor:.3g}.\n")
     return coverage(found, LEVELS[-1], factor)
 
@@ -168,7 +169,8 @@ def draw(found: Found, path: Path) -> None:
     for axes in (middle, right):
         axes.plot([0, 1], [0, 1], color="tab:red")
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=80)
+    with written(path) as unfinished:
+        figure.savefig(unfinished, dpi=80)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dipcg.files import written
 from dipcg.metrics.parameter_error import per_parameter
 from dipcg.space import Choice, ParameterSpace, Params, Real
 
@@ -59,7 +60,8 @@ def draw_errors(space: ParameterSpace, errors: Sequence[Error], path: Path) -> N
         axes.set(title=title, xlim=(0, None), ylim=(rows - 0.5, -0.5))
     panels[-1].legend(loc="lower right")
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=80)
+    with written(path) as unfinished:
+        figure.savefig(unfinished, dpi=80)
 
 
 def _draw_part(axes: Any, errors: Sequence[Error]) -> None:

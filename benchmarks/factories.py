@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.timing import machine
+from dipcg.files import write_file
 from dipcg.images import load_image, save_image
 from dipcg.importing.contracts import check
 from dipcg.importing.seeded import import_program
@@ -51,7 +52,7 @@ def main(names: list[str]) -> None:
     text = table(results)
     print(f"\n{machine()}\n\n{text}")
     if "DIPCG_BENCH_TABLE" in os.environ:
-        Path(os.environ["DIPCG_BENCH_TABLE"]).write_text(text + "\n")
+        write_file(os.environ["DIPCG_BENCH_TABLE"], text + "\n")
     if "DIPCG_BENCH_GALLERY" in os.environ:
         gallery(results, os.environ["DIPCG_BENCH_GALLERY"])
 
@@ -79,7 +80,7 @@ def done(name: str) -> dict[str, Any]:
         path = CACHE / f"{snake(name)}.toml"
         allow_code(path)
         result |= {"checked": True, "reason": " ".join(found.text for found in check(str(path)) if not found.is_hint)}
-    file.write_text(json.dumps(result))
+    write_file(file, json.dumps(result))
     return result
 
 

@@ -15,6 +15,7 @@ from benchmarks.timing import header, machine, row
 from benchmarks.trained import train
 from dipcg.evaluation.evaluate import Case, distance, pair_cases, split_cases
 from dipcg.evaluation.tables import bootstrap
+from dipcg.files import write_file, written
 from dipcg.metrics import load_metric
 from dipcg.model.zoo import CARD
 from dipcg.pipeline import Inverter
@@ -78,7 +79,7 @@ def run(name: str, flags: tuple[str, ...], data: str) -> dict:
     card = json.loads((checkpoint / CARD).read_text())
     with Inverter.load(str(checkpoint), workers=2) as inverter:
         found = measured(inverter, data) | {key: card[key] for key in ("pictures", "shapes", "validation")}
-    (folder / "found.json").write_text(json.dumps(found))
+    write_file(folder / "found.json", json.dumps(found))
     return found
 
 
@@ -132,7 +133,8 @@ def draw(by_shapes: dict[int, dict], path: Path) -> None:
     axes.minorticks_off()
     axes.grid(alpha=0.3)
     axes.legend()
-    figure.savefig(path, dpi=110)
+    with written(path) as unfinished:
+        figure.savefig(unfinished, dpi=110)
 
 
 def _told(flags: tuple[str, ...]) -> str:

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from benchmarks.timing import header, machine, row
 from dipcg.evaluation.tables import ESTIMATE
+from dipcg.files import write_file
 from dipcg.tracing.sites import snake
 
 ROOT = Path(__file__).parents[1]
@@ -69,7 +70,7 @@ def done(folder: Path, step: str, work: Callable[[], None]) -> float:
     if not file.exists():
         started = time.monotonic()
         work()
-        file.write_text(str(time.monotonic() - started))
+        write_file(file, str(time.monotonic() - started))
     return float(file.read_text())
 
 

@@ -20,6 +20,7 @@ from benchmarks.timing import header, machine, row
 from dipcg.evaluation.evaluate import Case, split_cases
 from dipcg.evaluation.external import find_mesh, measured, read_mesh
 from dipcg.evaluation.retrieval import Neighbours
+from dipcg.files import write_file, written
 from dipcg.images import prepare
 from dipcg.inference.compare import SIDE, Picture
 from dipcg.inference.rank import rank
@@ -166,7 +167,7 @@ def _tell(rows: dict[str, Row]) -> None:
         spent = [f"{np.median(found.calls):.0f}", f"{np.median(found.seconds):.2f}"] if found.calls else ["", ""]
         row(name, *cells, *spent, f"{found.megabytes:.0f}" if found.calls else "", found.failed)
     OUT.mkdir(parents=True, exist_ok=True)
-    (OUT / "versus.json").write_text(json.dumps({name: vars(found) for name, found in rows.items()}, indent=1))
+    write_file(OUT / "versus.json", json.dumps({name: vars(found) for name, found in rows.items()}, indent=1))
     plot(rows, OUT / "versus.png")
 
 
@@ -193,7 +194,8 @@ def plot(rows: dict[str, Row], path: Path) -> None:
     axes.set(xscale="log", ylim=(0, None), xlabel="seconds a picture", ylabel="CD")
     axes.grid(alpha=0.3, which="both")
     axes.legend(fontsize=8)
-    figure.savefig(path, dpi=110)
+    with written(path) as unfinished:
+        figure.savefig(unfinished, dpi=110)
 
 
 if __name__ == "__main__":
