@@ -254,7 +254,7 @@ class Inverter:
             generator=self.generator.name,
             ref=self.generator.ref,
             candidates=[expected, *(rest[i] for i in central_first(np.reshape(points, (len(rest), len(mode)))))],
-            spread=spread(space, expected.params, [c.params for c in samples or [expected]]),
+            spread=spread(space, expected.params, [c.params for c in samples]) if samples else {},
             probabilities=probabilities,
             image=asked.picture,
             background=asked.background,

@@ -50,10 +50,10 @@ class Estimate:
     `image` shows the cut-out object, at most 256 pixels a side whatever size the encoder takes. `ground` is the colour
     that it was cut out of, in sRGB from 0 to 1, where it was plain and is known. `generator` is a name, `ref` that name
     or a file, as `load_generator` reads it. `spread` has for each parameter the standard deviation over the samples
-    (reals, in natural units) or the share of samples that agree with the expected candidate (choices). `probabilities`
-    has those of the options of each choice, where the choice is active. `expected` is the expected candidate whatever
-    the order, `fixed` the values that were fixed. `misfit`, from 0 to 1 and None before ranking, is 1 minus the best
-    agreement; `trace` says how `refine` lowered it.
+    (reals, in natural units) or the share of samples that agree with the expected candidate (choices); it is empty when
+    there are no samples. `probabilities` has those of the options of each choice, where the choice is active.
+    `expected` is the expected candidate whatever the order, `fixed` the values that were fixed. `misfit`, from 0 to 1
+    and None before ranking, is 1 minus the best agreement; `trace` says how `refine` lowered it.
     """
 
     generator: str

@@ -1,4 +1,4 @@
-"""Estimates of several visitors: everybody sees a result before anybody's candidates are built."""
+"""Estimates of several visitors: everybody sees the expected candidate, then all, before anybody's are built."""
 
 import time
 from collections.abc import Callable
@@ -15,15 +15,18 @@ from dipcg.inference.estimate import Options
 OPTIONS = Options(generator="box", candidates=6, steps=2)
 
 
-class Watched(Job):
-    """A job that notes whether each of its results is ranked."""
+Seen = list[tuple[int, bool]]
 
-    def __init__(self, seen: list[bool]) -> None:
+
+class Watched(Job):
+    """A job that notes of each of its results how many candidates it has, and whether these are ranked."""
+
+    def __init__(self, seen: Seen) -> None:
         super().__init__("estimate")
         self.seen = seen
 
     def show(self, result: dict) -> None:
-        self.seen.append(result["ranked"])
+        self.seen.append((len(result["candidates"]), result["ranked"]))
         super().show(result)
 
 
@@ -43,7 +46,7 @@ def running(studio, monkeypatch):
     running.close()
 
 
-def start(running: Estimating, sources: list[Callable[[], Cutout]], seen: list[bool]) -> list[Job]:
+def start(running: Estimating, sources: list[Callable[[], Cutout]], seen: Seen) -> list[Job]:
     jobs: list[Job] = [Watched(seen) for _ in sources]
     for job, source in zip(jobs, sources, strict=True):
         running.start(Asked(job, source, OPTIONS, "somebody", thumbnails=False))
@@ -57,13 +60,26 @@ def finish(jobs: list[Job]) -> None:
         time.sleep(0.05)
 
 
-def test_everybody_has_a_result_before_anybodys_candidates_are_compared(running, picture):
-    seen: list[bool] = []
-    jobs = start(running, [lambda: cut_out(picture)] * 7, seen)
+def test_everybody_sees_the_expected_candidate_first_and_all_before_anybodys_are_compared(running, picture):
+    seen: Seen = []
+    cutout = cut_out(picture)
+    jobs = start(running, [lambda: cutout] * 7, seen)
     finish(jobs)
-    assert seen[:7] == [False] * 7
-    assert all(seen[7:])
+    assert seen[:14] == [(1, False)] * 7 + [(6, False)] * 7
+    assert all(ranked for _, ranked in seen[14:])
     assert [job.state for job in jobs] == ["done"] * 7
+
+
+def test_the_expected_candidate_is_the_same_with_the_others_and_says_nothing_about_its_spread(running, picture):
+    results: list[dict] = []
+    job = Job("estimate")
+    job.show = lambda result: results.append(result)  # type: ignore[method-assign]
+    running.start(Asked(job, lambda: cut_out(picture), OPTIONS, "somebody", thumbnails=False))
+    finish([job])
+    first, unranked = results[:2]
+    assert first["candidates"][0]["params"] == pytest.approx(unranked["candidates"][0]["params"])
+    assert first["spread"] == {}
+    assert unranked["spread"]
 
 
 def test_nobody_waits_for_a_result_that_never_comes(running, picture):

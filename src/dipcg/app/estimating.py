@@ -2,11 +2,12 @@
 
 A job passes through these stages, and waits for another visitor's build in none of them:
 1. Two threads cut objects out.
-2. One thread runs the network, on a few pictures that wait by then. The unranked result is shown.
-3. The workers build the first four candidates, two threads compare them with the picture, and the result is shown.
-4. The workers build the others when they have nothing else to do, and the same threads compare them.
+2. One thread runs the network, on a few pictures that wait by then. The expected candidate is shown.
+3. When nobody waits for that any more, the same thread draws the other candidates. All are shown, unranked.
+4. The workers build the first four candidates, two threads compare them with the picture, and the result is shown.
+5. The workers build the others when they have nothing else to do, and the same threads compare them.
 
-Stages 3 and 4 take the processor from 1 and 2, so they wait for a while until everybody has an unranked result.
+Stages 4 and 5 take the processor from the others, so they wait for a while until everybody has an unranked result.
 """
 
 from __future__ import annotations
@@ -53,7 +54,13 @@ class Asked:
     cutout: Cutout | None = None
     picture: str | None = None
     """the id of the cut-out"""
+    is_expected_shown: bool = False
     yields_until: float = 0.0
+
+    @property
+    def now(self) -> Options:
+        """The options of the next pass of the network: the expected candidate alone, or all."""
+        return self.options if self.is_expected_shown else replace(self.options, candidates=1)
 
 
 class Estimating:
@@ -63,8 +70,10 @@ class Estimating:
         self._studio, self._pictures = studio, pictures
         self._cutting = ThreadPoolExecutor(2, thread_name_prefix="cut")
         self._judging = ThreadPoolExecutor(2, thread_name_prefix="judge")
+        # Those whose expected candidate is not shown yet, and those who wait for the others.
         self._waiting: deque[Asked] = deque()
-        # Those without a result yet.
+        self._waiting_for_others: deque[Asked] = deque()
+        # Those without an unranked result of all candidates yet.
         self._unanswered: set[Job] = set()
         self._changed = threading.Condition()
         self._closed = False
@@ -102,7 +111,7 @@ class Estimating:
 
     def _await_network(self, asked: Asked) -> None:
         with self._changed:
-            self._waiting.append(asked)
+            (self._waiting_for_others if asked.is_expected_shown else self._waiting).append(asked)
             self._changed.notify_all()
 
     def _run_network(self) -> None:
@@ -117,20 +126,20 @@ class Estimating:
     def _take(self) -> list[Asked]:
         """The next that wait for the network; empty when this is closed."""
         with self._changed:
-            while not self._waiting and not self._closed:
+            while not (waiting := self._waiting or self._waiting_for_others) and not self._closed:
                 self._changed.wait()
-            count = 0 if self._closed else min(BATCH, len(self._waiting))
-            taken = [self._waiting.popleft() for _ in range(count)]
+            count = 0 if self._closed else min(BATCH, len(waiting))
+            taken = [waiting.popleft() for _ in range(count)]
         return [asked for asked in taken if not asked.job.is_over] or ([] if self._closed else self._take())
 
     def _describe(self, asked: Asked) -> None:
         assert isinstance(asked.source, str)
-        self._looked(asked, describe(asked.source, self._studio.text_inverters, asked.options, asked.job.report))
+        self._looked(asked, describe(asked.source, self._studio.text_inverters, asked.now, asked.job.report))
 
     def _look(self, many: Sequence[Asked]) -> None:
         for asked in many:
             asked.job.report(0.1, "Estimating the parameters")
-        pictures: Any = [(asked.cutout, asked.options) for asked in many]
+        pictures: Any = [(asked.cutout, asked.now) for asked in many]
         try:
             results = look_at_many(pictures, self._studio.inverters)
         except Exception:
@@ -146,10 +155,18 @@ class Estimating:
 
     def _look_alone(self, asked: Asked) -> None:
         assert asked.cutout is not None
-        self._looked(asked, look([asked.cutout], self._studio.inverters, asked.options, asked.job.report))
+        self._show_unranked(asked, look([asked.cutout], self._studio.inverters, asked.options, asked.job.report))
 
     def _looked(self, asked: Asked, result: Result) -> None:
-        """Show what the network says, and have the first candidates built."""
+        """Show what the network says; after the expected candidate the others are drawn."""
+        if asked.is_expected_shown or asked.options.candidates == 1:
+            return self._show_unranked(asked, result)
+        asked.job.show(as_answer(result, asked.picture))
+        asked.is_expected_shown = True
+        self._await_network(asked)
+
+    def _show_unranked(self, asked: Asked, result: Result) -> None:
+        """Show all candidates, and have the first of them built."""
         asked.job.show(as_answer(result, asked.picture))
         asked.yields_until = time.monotonic() + YIELD_S
         self._wait_no_more_for(asked)

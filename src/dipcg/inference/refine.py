@@ -124,7 +124,7 @@ class Search:
 
     def _spread(self, parameter: Parameter) -> float:
         assert isinstance(parameter, Real)
-        spread = 2 * self.estimate.spread[parameter.name] / (parameter.high - parameter.low)
+        spread = 2 * self.estimate.spread.get(parameter.name, 0.0) / (parameter.high - parameter.low)
         return float(np.clip(spread, LEAST_SPREAD, MOST_SPREAD))
 
     def _params(self, point: Float[np.ndarray, " n"]) -> Params:

@@ -52,7 +52,7 @@ function image(src, alt) {
 
 function note({ candidates, ranked, picture }) {
   const count = candidates.length;
-  if (count === 1) return "All candidates are alike.";
+  if (count === 1) return ranked ? "All candidates are alike." : "The best guess; others follow.";
   if (!ranked) return `${count} candidates; they are being compared with your picture.`;
   const rule = picture ? "the best guess first, then by how well they match the picture" : "the one that fits your words best first";
   return `${count} different candidates, ${rule}.`;

@@ -25,7 +25,7 @@ export function opened(state, result, chosen, held = []) {
   return stepped(state, { generator, params, first: params, result, chosen, held, view, opened: newest(state) });
 }
 
-/** The better result of the same estimate: what the visitor has not touched follows it, what was edited stays. */
+/** The better result of the same estimate: what the visitor has not touched follows it where it differs, what was edited stays. */
 export function ranked(state, name, result) {
   const results = { ...state.results, [name]: result };
   const { open } = state;
@@ -33,11 +33,13 @@ export function ranked(state, name, result) {
   const untouched = open.params === open.first && !open.picked;
   const chosen = untouched ? 0 : result.candidates.findIndex(({ params }) => alike(params, open.first));
   const { params, view } = result.candidates[Math.max(chosen, 0)];
-  const better = untouched ? { params, first: params, view, opened: newest(state) } : {};
+  const same = !result.ranked && alike(params, open.first);
+  const better = untouched && !same ? { params, first: params, view, opened: newest(state) } : {};
   return { results, open: { ...open, chosen, ...better } };
 }
 
-const alike = (one, other) => Object.keys(one).every((name) => one[name] === other[name]);
+/** Whether two sets of parameters are the same but for rounding. */
+const alike = (one, other) => Object.keys(one).every((name) => one[name] === other[name] || Math.abs(one[name] - other[name]) < 1e-5 * Math.abs(one[name]));
 
 /** One parameter changed; all the moves of one drag are one step. */
 export function edited(state, name, value, final) {
