@@ -23,22 +23,22 @@ SAVED_EVERY = 100
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", nargs="+", help="folders of shapes")
-    parser.add_argument("--minutes", type=float, default=30)
+    parser.add_argument("--steps", type=int, default=8_000)
     parser.add_argument("--views", type=int, default=500, help="rendered pictures of each folder")
     parser.add_argument("--write", type=Path, default=FILE)
     args = parser.parse_args()
     torch.set_num_threads(1)
     views = [view for folder in args.data for view in render_views(folder, "train", args.views)]
     print(f"{len(views)} views", flush=True)
-    about = {"made by": "python -m benchmarks segmenter", "minutes": args.minutes, "views": len(views)}
+    about = {"made by": "python -m benchmarks segmenter", "views": len(views)}
     losses: list[float] = []
 
-    def report(step: int, share: float, loss: float) -> None:
+    def report(step: int, loss: float) -> None:
         losses.append(loss)
         if step % SAVED_EVERY == 0:
-            print(f"step {step}, {share:.0%}, loss {np.mean(losses[-SAVED_EVERY:]):.3f}", flush=True)
+            print(f"step {step}, loss {np.mean(losses[-SAVED_EVERY:]):.3f}", flush=True)
 
-    network: Segmenter = fit_segmenter(views, photographs(PHOTOGRAPHS), args.minutes, report=report)
+    network: Segmenter = fit_segmenter(views, photographs(PHOTOGRAPHS), args.steps, report=report)
     save_segmenter(network, args.write, about | {"steps": len(losses), "loss": float(np.mean(losses[-SAVED_EVERY:]))})
     print(f"Wrote {args.write}: {args.write.stat().st_size} bytes after {len(losses)} steps.")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -11,11 +10,12 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 from jaxtyping import Float, UInt8
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
 from dipcg.data.codec import decode_mesh
 from dipcg.data.shapes import load_shapes
+from dipcg.files import write_file
 from dipcg.images.segmenter import SIDE, Segmenter
 from dipcg.render import Renderer, sample_look
 from dipcg.training.grounds import Photograph, Scene, sample_scene
@@ -25,7 +25,7 @@ BATCH, RATE, WARM_UP = 32, 2e-3, 50
 POOL, USES = 1024, 4
 VIEW_SIDE = 128
 
-Report = Callable[[int, float, float], None]
+Report = Callable[[int, float], None]
 
 
 def render_views(folder: str | Path, split: str, count: int, seed: int = 0) -> list[UInt8[np.ndarray, "s s 4"]]:
@@ -44,26 +44,25 @@ def render_views(folder: str | Path, split: str, count: int, seed: int = 0) -> l
 def fit_segmenter(
     views: Sequence[UInt8[np.ndarray, "s s 4"]],
     photographs: Sequence[Photograph],
-    minutes: float,
+    steps: int,
     seed: int = 0,
-    report: Report = lambda step, share, loss: None,
+    report: Report = lambda step, loss: None,
 ) -> Segmenter:
-    """Train for some minutes on scenes of the views; `report` is called with the step, share of time, and loss."""
+    """Train for so many steps on scenes of the views; `report` is called with the number of steps, and the loss."""
     torch.manual_seed(seed)
     network = Segmenter().train()
     # Pictures come channels last, in which convolutions are a quarter faster.
     network.to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]
     optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=0.01)
-    pool, started, step, share = ScenePool(views, photographs, np.random.default_rng(seed)), time.monotonic(), 0, 0.0
-    while share < 1:
-        optimiser.param_groups[0]["lr"] = RATE * min(1, (step + 1) / WARM_UP) * max(0.01, min(1.0, 1.6 * (1 - share)))
+    pool = ScenePool(views, photographs, np.random.default_rng(seed))
+    for step in range(steps):
+        optimiser.param_groups[0]["lr"] = RATE * min(1, (step + 1) / WARM_UP, 1.6 * (1 - step / steps))
         pictures, coverage = pool.batch()
         loss = _loss(network(pictures), coverage)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
-        step, share = step + 1, (time.monotonic() - started) / (60 * minutes)
-        report(step, share, loss.item())
+        report(step + 1, loss.item())
     return network.eval()
 
 
@@ -99,11 +98,9 @@ class ScenePool:
 
 def save_segmenter(network: Segmenter, path: Path, about: dict[str, str | int | float]) -> None:
     """Write the weights in half precision, and a card beside them that says how they were made."""
-    save_file(
-        {name: value.half().contiguous() for name, value in network.state_dict().items() if value.is_floating_point()},
-        path,
-    )
-    path.with_suffix(".json").write_text(json.dumps(about, indent=2) + "\n")
+    weights = {name: value for name, value in network.state_dict().items() if value.is_floating_point()}
+    write_file(path, save({name: value.half().contiguous() for name, value in weights.items()}))
+    write_file(path.with_suffix(".json"), json.dumps(about, indent=2) + "\n")
 
 
 def _loss(logits: Float[Tensor, "b 1 s s"], coverage: Float[Tensor, "b 1 s s"]) -> Float[Tensor, ""]:
