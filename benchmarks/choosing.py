@@ -15,6 +15,7 @@ import numpy as np
 
 from benchmarks.timing import header, machine, row
 from dipcg.evaluation.evaluate import Case, distance, pair_cases, split_cases
+from dipcg.inference.again import look_again
 from dipcg.inference.rank import rank
 from dipcg.inference.refine import Search
 from dipcg.pipeline import Inverter
@@ -69,6 +70,9 @@ def climb(inverter: Inverter, case: Case, turned: bool) -> Iterable[tuple[str, f
     yield "one sample, the mean of all", float(np.mean(samples or list(apart.values()))), 0
     yield "best ranked", apart[id(ranked.params)], taken
     yield f"best of {len(estimate.candidates)} by truth", min(apart.values()), 0
+    started = time.perf_counter()
+    again = look_again(ranked, inverter)
+    yield "looked again", distance(again.candidates[0].mesh, case, turned), _since(started)
     search = Search(ranked, inverter, time.monotonic(), 0)
     for builds in AFTER:
         started = time.perf_counter()

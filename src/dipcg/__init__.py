@@ -8,6 +8,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dipcg.inference.again import look_again
     from dipcg.inference.colours import with_colours
     from dipcg.inference.rank import rank
     from dipcg.inference.refine import refine
@@ -15,12 +16,12 @@ if TYPE_CHECKING:
     from dipcg.registry import allow_code
 
 __version__ = "0.1.0"
-__all__ = ["Candidate", "Estimate", "Inverter", "allow_code", "rank", "refine", "with_colours"]
+__all__ = ["Candidate", "Estimate", "Inverter", "allow_code", "look_again", "rank", "refine", "with_colours"]
 
 # Importing torch takes seconds, so these are loaded at their first use.
 _HOMES = {"Candidate": "pipeline", "Estimate": "pipeline", "Inverter": "pipeline"}
 _HOMES |= {"rank": "inference.rank", "refine": "inference.refine", "allow_code": "registry"}
-_HOMES |= {"with_colours": "inference.colours"}
+_HOMES |= {"with_colours": "inference.colours", "look_again": "inference.again"}
 # Modules of version 0.1.0 that its documentation names. Their old names still work.
 _MOVED = {"codec": "data.codec", "preview": "inference.preview", "rank": "inference.rank"}
 _MOVED |= {"refine": "inference.refine", "worker": "workers.pool"}

@@ -6,6 +6,7 @@ A job passes through these stages, and waits for another visitor's build in none
 3. When nobody waits for that any more, the same thread draws the other candidates. All are shown, unranked.
 4. The workers build the first four candidates, two threads compare them with the picture, and the result is shown.
 5. The workers build the others when they have nothing else to do, and the same threads compare them.
+6. The first is corrected once, in the same way.
 
 Stages 4 and 5 take the processor from the others, so they wait for a while until everybody has an unranked result.
 """
@@ -25,9 +26,10 @@ from typing import Any
 from dipcg.app.building import Builds, Outcome
 from dipcg.app.jobs import Job, guarded
 from dipcg.app.pictures import Pictures
-from dipcg.app.results import Judged, as_answer, judge
+from dipcg.app.results import Judged, as_answer, improve, judge
 from dipcg.app.studio import Studio
 from dipcg.images import Cutout
+from dipcg.inference.again import corrections
 from dipcg.inference.estimate import Options, Result, describe, look, look_at_many
 from dipcg.pipeline import Candidate
 from dipcg.workers.process import BuildError
@@ -210,7 +212,7 @@ class Estimating:
     def _compare_first(self, asked: Asked, result: Result, others: list[Candidate], built: list[Outcome]) -> None:
         found = judge(result, built, self._studio, asked.thumbnails)
         if not others:
-            return self._finish(asked, found)
+            return self._look_again(asked, found)
         if found.result.estimate.candidates:
             asked.job.show(as_answer(found.result, asked.picture, found))
         asked.job.report(0.6, "Building and comparing more candidates")
@@ -219,7 +221,21 @@ class Estimating:
         self._build(rest, LATER, partial(self._compare_rest, asked, rest), asked)
 
     def _compare_rest(self, asked: Asked, result: Result, built: list[Outcome]) -> None:
-        self._finish(asked, judge(result, built, self._studio, asked.thumbnails))
+        self._look_again(asked, judge(result, built, self._studio, asked.thumbnails))
+
+    def _look_again(self, asked: Asked, found: Judged) -> None:
+        """Correct the first candidate once; words show no picture that it could be corrected by."""
+        estimate = found.result.estimate
+        again = corrections(estimate, self._studio.find(estimate.generator)) if asked.cutout is not None else []
+        if not again:
+            return self._finish(asked, found)
+        asked.job.show(as_answer(found.result, asked.picture, found))
+        asked.job.report(0.9, "Looking again")
+        unbuilt = replace(found.result, estimate=replace(estimate, candidates=again))
+        self._build(unbuilt, LATER, partial(self._compare_again, asked, found, again), asked)
+
+    def _compare_again(self, asked: Asked, found: Judged, again: list[Candidate], built: list[Outcome]) -> None:
+        self._finish(asked, improve(found, again, built, self._studio, asked.thumbnails))
 
     def _finish(self, asked: Asked, found: Judged) -> None:
         if not found.result.estimate.candidates:

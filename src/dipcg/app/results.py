@@ -10,6 +10,7 @@ from typing import Any
 from dipcg.app.pictures import data_url
 from dipcg.app.studio import Studio
 from dipcg.images import MARGIN
+from dipcg.inference.again import improved
 from dipcg.inference.colours import seen_colours
 from dipcg.inference.estimate import Result, ranked
 from dipcg.inference.preview import TEXT_VIEW
@@ -47,6 +48,19 @@ def judge(result: Result, built: Sequence[Mesh | BuildError], studio: Studio, th
         estimate = replace(estimate, candidates=merge(estimate.candidates, space))
     elif any(isinstance(mesh, Mesh) for mesh in every):
         estimate = order(estimate, every, space)
+    return _judged(result, estimate, thumbnails)
+
+
+def improve(
+    found: Judged, again: list[Candidate], built: Sequence[Mesh | BuildError], studio: Studio, thumbnails: bool
+) -> Judged:
+    """The judged result with the best of the first one's corrections before it, if it agrees better."""
+    estimate = found.result.estimate
+    better = improved(estimate, again, built, studio.generator(estimate.generator).space)
+    return found if better is estimate else _judged(found.result, better, thumbnails)
+
+
+def _judged(result: Result, estimate: Estimate, thumbnails: bool) -> Judged:
     shown = [candidate for candidate in estimate.candidates if candidate.mesh is not None]
     result = ranked(result, replace(estimate, candidates=shown))
     pictures = [thumbnail(candidate) for candidate in shown] if thumbnails else None

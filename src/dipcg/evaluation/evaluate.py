@@ -21,6 +21,7 @@ from dipcg.evaluation.baselines import Shape, middle, shortlist
 from dipcg.evaluation.reader import perfect_reading
 from dipcg.evaluation.tables import ESTIMATE, Table
 from dipcg.images import MARGIN, Source
+from dipcg.inference.again import look_again
 from dipcg.inference.rank import rank
 from dipcg.inference.refine import refine
 from dipcg.mesh import Mesh
@@ -180,6 +181,8 @@ def _unranked(inverter: Inverter, estimate: Estimate, case: Case) -> Iterator[Sh
 def _ranked(inverter: Inverter, estimate: Estimate, case: Case, plan: Plan) -> Iterator[Shown]:
     ranked = rank(estimate, inverter)
     yield Shown("best ranked", ranked.params, ranked.candidates[0].mesh)
+    again = look_again(ranked, inverter)
+    yield Shown("looked again", again.params, again.candidates[0].mesh)
     nearest = min(ranked.candidates, key=lambda candidate: distance(candidate.mesh, case, plan.quarter_turns))
     yield Shown(f"best of {len(estimate.candidates)} by truth", nearest.params, nearest.mesh)
     if plan.refine_s:

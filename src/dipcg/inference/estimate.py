@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from dipcg.images import Cutout, Source, cut_out
+from dipcg.inference.again import look_again
 from dipcg.inference.classifier import among
 from dipcg.inference.inverters import Inverters
 from dipcg.inference.rank import rank
@@ -42,7 +43,7 @@ class Options:
     fixed: Mapping[str, Any] = field(default_factory=dict)
     """values of parameters, around which the rest is estimated"""
     rank: bool = True
-    """build all candidates and put first the one that is chosen by its agreement with the picture"""
+    """build all candidates, put first the one that is chosen by its agreement with the picture, and correct it once"""
     refine_s: float | None = None
     """seconds to search on from the best candidate; no search when None"""
 
@@ -81,7 +82,7 @@ def estimate(
     views = [cut_out(picture) for picture in pictures]
     found = look(views, inverters, options, report)
     inverter = inverters[found.estimate.generator]
-    result = ranked(found, _rank(found.estimate, inverter, options, report))
+    result = ranked(found, _rank(found.estimate, inverter, options, report, looks_again=len(views) == 1))
     view_doubts = [_doubt_view(view, result.estimate, inverter, inverters, options) for view in views[1:]]
     return replace(result, view_doubts=view_doubts)
 
@@ -144,17 +145,19 @@ def _recognise(inverters: Inverters, options: Options, recognise: Callable[[], d
     return dict.fromkeys(inverters, 1.0) if len(inverters) == 1 else recognise()
 
 
-def _rank(unranked: Estimate, inverter: Inverter, options: Options, report: Report) -> Estimate:
-    """The estimate ranked or refined, as the options say."""
+def _rank(unranked: Estimate, inverter: Inverter, options: Options, report: Report, looks_again: bool) -> Estimate:
+    """The estimate ranked or refined, as the options say.
+
+    A second look would see the first picture alone, so there is none where several pictures show the object.
+    """
     if (seconds := options.refine_s) is not None:
         return refine(
             unranked, inverter, seconds, lambda step: report(step.seconds / seconds, f"misfit {step.misfit:.3f}")
         )
     if options.rank:
-        count = len(unranked.candidates)
-        return rank(
-            unranked, inverter, lambda n: report(0.3 + 0.7 * n / count, "Building and comparing the candidates")
-        )
+        count, words = len(unranked.candidates), "Building and comparing the candidates"
+        ordered = rank(unranked, inverter, lambda n: report(0.3 + 0.6 * n / count, words))
+        return look_again(ordered, inverter) if looks_again else ordered
     return unranked
 
 

@@ -67,7 +67,7 @@ def order(
     judge, seen = Judge(estimate, space), []
     try:
         for number, (candidate, mesh) in enumerate(zip(estimate.candidates, meshes, strict=True), 1):
-            seen.append(_compared(judge, candidate, mesh))
+            seen.append(compared(judge, candidate, mesh))
             report(number)
         first, *others = judge.safest_first(judge.best_first(seen))
         ordered = [judge.align(first), *others]
@@ -76,10 +76,11 @@ def order(
     return with_candidates(estimate, merge(ordered, space))
 
 
-def _compared(judge: Judge, candidate: Candidate, mesh: Mesh | BuildError) -> Candidate:
+def compared(judge: Judge, candidate: Candidate, mesh: Mesh | BuildError, *others: View) -> Candidate:
+    """The candidate with its mesh and its agreement, from the best camera near its own, the expected one, or others."""
     if isinstance(mesh, BuildError) or candidate.agreement is not None:
         return candidate
-    return judge.align(judge.look(replace(candidate, mesh=mesh)), FEW_RENDERS)
+    return judge.align(judge.look(replace(candidate, mesh=mesh), *others), FEW_RENDERS)
 
 
 def light_meshes(inverter: Inverter, many: Iterable[Params]) -> Iterator[Mesh | BuildError]:
