@@ -6,7 +6,8 @@ from collections.abc import Callable
 import pytest
 
 from dipcg.app import estimating
-from dipcg.app.estimating import Asked, Estimating
+from dipcg.app.comparing import Asked
+from dipcg.app.estimating import Estimating
 from dipcg.app.jobs import Job
 from dipcg.app.pictures import Pictures
 from dipcg.images import Cutout, ImageError, cut_out

@@ -1,68 +1,36 @@
-"""Estimates for many visitors at once: one pass of the network for all that wait, the likeliest candidates built first.
+"""Estimates for many visitors at once: one pass of the network for several that wait.
 
 A job passes through these stages, and waits for another visitor's build in none of them:
 1. Two threads cut objects out.
 2. One thread runs the network, on a few pictures that wait by then. The expected candidate is shown.
 3. When nobody waits for that any more, the same thread draws the other candidates. All are shown, unranked.
-4. The workers build the first four candidates, two threads compare them with the picture, and the result is shown.
-5. The workers build the others when they have nothing else to do, and the same threads compare them.
-6. The first is corrected once, in the same way.
+4. Its candidates are built and compared with the picture (`comparing.py`).
 
-Stages 4 and 5 take the processor from the others, so they wait for a while until everybody has an unranked result.
+Stage 4 takes the processor from the others, so it waits for a while until everybody has an unranked result.
 """
 
 from __future__ import annotations
 
-import contextlib
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from dipcg.app.building import Builds, Outcome
+from dipcg.app.comparing import Asked, Comparing
 from dipcg.app.jobs import Job, guarded
 from dipcg.app.pictures import Pictures
-from dipcg.app.results import Judged, as_answer, improve, judge
+from dipcg.app.results import as_answer
 from dipcg.app.studio import Studio
 from dipcg.images import Cutout
-from dipcg.inference.again import corrections
-from dipcg.inference.estimate import Options, Result, describe, look, look_at_many
-from dipcg.pipeline import Candidate
-from dipcg.workers.process import BuildError
+from dipcg.inference.estimate import Result, describe, look, look_at_many
 
 # Pictures in one pass of the network: with more, the first would wait for the last, and none is faster.
 BATCH = 4
 # Seconds after its unranked result in which a job lets the unranked results of others go first.
 YIELD_S = 20.0
-# Candidates that are built before the others, and the priorities of both; what a visitor edits comes before either.
-FIRST, SOON, LATER = 4, 1, 2
-NONE_BUILT = "None of the candidates could be built; try another picture or another seed."
-
-
-@dataclass
-class Asked:
-    """One estimate that a visitor waits for."""
-
-    job: Job
-    source: str | Callable[[], Cutout]
-    """a sentence, or what cuts the object out"""
-    options: Options
-    owner: str
-    thumbnails: bool = True
-    cutout: Cutout | None = None
-    picture: str | None = None
-    """the id of the cut-out"""
-    is_expected_shown: bool = False
-    yields_until: float = 0.0
-
-    @property
-    def now(self) -> Options:
-        """The options of the next pass of the network: the expected candidate alone, or all."""
-        return self.options if self.is_expected_shown else replace(self.options, candidates=1)
 
 
 class Estimating:
@@ -71,7 +39,7 @@ class Estimating:
     def __init__(self, studio: Studio, pictures: Pictures) -> None:
         self._studio, self._pictures = studio, pictures
         self._cutting = ThreadPoolExecutor(2, thread_name_prefix="cut")
-        self._judging = ThreadPoolExecutor(2, thread_name_prefix="judge")
+        self._comparing = Comparing(studio, self._let_others_first)
         # Those whose expected candidate is not shown yet, and those who wait for the others.
         self._waiting: deque[Asked] = deque()
         self._waiting_for_others: deque[Asked] = deque()
@@ -101,8 +69,8 @@ class Estimating:
         with self._changed:
             self._closed = True
             self._changed.notify_all()
-        for threads in (self._cutting, self._judging):
-            threads.shutdown(cancel_futures=True)
+        self._cutting.shutdown(cancel_futures=True)
+        self._comparing.close()
         self._network.join()
 
     def _cut(self, asked: Asked, source: Callable[[], Cutout]) -> None:
@@ -151,7 +119,7 @@ class Estimating:
             if result is None:
                 # This takes builds, as what follows a result does, so nobody waits for it.
                 self._wait_no_more_for(asked)
-                self._judge_later(asked, partial(self._look_alone, asked))
+                self._comparing.later(asked, partial(self._look_alone, asked))
             else:
                 guarded(asked.job, partial(self._looked, asked, result))
 
@@ -172,72 +140,20 @@ class Estimating:
         asked.job.show(as_answer(result, asked.picture))
         asked.yields_until = time.monotonic() + YIELD_S
         self._wait_no_more_for(asked)
-        self._judge_later(asked, partial(self._build_first, asked, result))
+        self._comparing.start(asked, result)
 
     def _wait_no_more_for(self, asked: Asked) -> None:
         with self._changed:
             self._unanswered.discard(asked.job)
             self._changed.notify_all()
 
-    def _build_first(self, asked: Asked, result: Result) -> None:
-        asked.job.report(0.3, "Building and comparing the candidates")
-        candidates = result.estimate.candidates
-        first = replace(result, estimate=replace(result.estimate, candidates=candidates[:FIRST]))
-        self._build(first, SOON, partial(self._compare_first, asked, first, candidates[FIRST:]), asked)
-
-    def _build(self, result: Result, priority: int, then: Callable[[list[Outcome]], None], asked: Asked) -> None:
-        """Build the candidates without a mesh, and let a thread go on with the meshes, or the errors, of all."""
-        name, waiting = result.estimate.generator, [c.params for c in result.estimate.candidates if c.mesh is None]
-        submit = partial(self._studio.submit, name, detail="light", priority=priority)
-        builds = Builds(submit, waiting, lambda built: self._judge_later(asked, partial(then, built)))
-        asked.job.watch(builds.cancel)
-        builds.start()
-
-    def _judge_later(self, asked: Asked, work: Callable[[], None]) -> None:
-        # Builds may end after this is closed.
-        with contextlib.suppress(RuntimeError):
-            self._judging.submit(guarded, asked.job, partial(self._after_first_results, asked, work))
-
-    def _after_first_results(self, asked: Asked, work: Callable[[], None]) -> None:
+    def _let_others_first(self, asked: Asked) -> None:
+        """Wait until everybody has an unranked result, but not for long."""
         with self._changed:
             while not self._closed and self._anybody_waits() and time.monotonic() < asked.yields_until:
                 self._changed.wait(0.1)
-        work()
 
     def _anybody_waits(self) -> bool:
         # Some have failed or were given up.
         self._unanswered = {job for job in self._unanswered if not job.is_over}
         return bool(self._unanswered)
-
-    def _compare_first(self, asked: Asked, result: Result, others: list[Candidate], built: list[Outcome]) -> None:
-        found = judge(result, built, self._studio, asked.thumbnails)
-        if not others:
-            return self._look_again(asked, found)
-        if found.result.estimate.candidates:
-            asked.job.show(as_answer(found.result, asked.picture, found))
-        asked.job.report(0.6, "Building and comparing more candidates")
-        every = [*found.result.estimate.candidates, *others]
-        rest = replace(found.result, estimate=replace(found.result.estimate, candidates=every))
-        self._build(rest, LATER, partial(self._compare_rest, asked, rest), asked)
-
-    def _compare_rest(self, asked: Asked, result: Result, built: list[Outcome]) -> None:
-        self._look_again(asked, judge(result, built, self._studio, asked.thumbnails))
-
-    def _look_again(self, asked: Asked, found: Judged) -> None:
-        """Correct the first candidate once; words show no picture that it could be corrected by."""
-        estimate = found.result.estimate
-        again = corrections(estimate, self._studio.find(estimate.generator)) if asked.cutout is not None else []
-        if not again:
-            return self._finish(asked, found)
-        asked.job.show(as_answer(found.result, asked.picture, found))
-        asked.job.report(0.9, "Looking again")
-        unbuilt = replace(found.result, estimate=replace(estimate, candidates=again))
-        self._build(unbuilt, LATER, partial(self._compare_again, asked, found, again), asked)
-
-    def _compare_again(self, asked: Asked, found: Judged, again: list[Candidate], built: list[Outcome]) -> None:
-        self._finish(asked, improve(found, again, built, self._studio, asked.thumbnails))
-
-    def _finish(self, asked: Asked, found: Judged) -> None:
-        if not found.result.estimate.candidates:
-            raise BuildError("raised", NONE_BUILT)
-        asked.job.finish(as_answer(found.result, asked.picture, found))

@@ -15,9 +15,9 @@ from fastapi.responses import FileResponse, Response
 from fastapi.sse import EventSourceResponse
 
 from dipcg.app import about, models
+from dipcg.app.comparing import Asked
 from dipcg.app.cutout import SENTENCES, cut
 from dipcg.app.desk import Desk
-from dipcg.app.estimating import Asked
 from dipcg.app.jobs import Job
 from dipcg.app.limits import MOST_PICTURE_BYTES
 from dipcg.app.making import Ordered, check
