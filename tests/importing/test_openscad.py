@@ -5,6 +5,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +87,12 @@ def test_the_files_of_the_program_are_read(head):
     vertices, faces = read_off(head + square)
     assert vertices.shape == (5, 3)
     np.testing.assert_array_equal(faces, [[0, 1, 2], [0, 2, 3], [0, 1, 4]])
+
+
+def test_a_long_line_is_read_in_linear_time():
+    start = time.monotonic()
+    assert customizer("a =" + 1_000_000 * " ") == ({}, {})
+    assert time.monotonic() - start < 5
 
 
 @needs_openscad

@@ -1,6 +1,8 @@
 """Generators of strangers: nothing is learned unless the server says so, and then no file runs code or reads others."""
 
+import contextlib
 import json
+import time
 
 import pytest
 from attacking import head, sent
@@ -9,7 +11,7 @@ from serving import serving
 from dipcg import registry
 from dipcg.app import training_queue, trainings
 from dipcg.app.client import ApiError, Client
-from dipcg.app.limits import MOST_SOURCE_BYTES
+from dipcg.app.limits import MOST_SCAD_BYTES, MOST_SOURCE_BYTES
 from dipcg.app.sources import check_source
 from dipcg.importing.program import allow_program
 
@@ -55,6 +57,11 @@ READING = [
     "/* harmless */ include\n<x>",
     'linear_extrude(1) import_dxf("x.dxf");',
     'a = dxf_dim(file = "x.dxf");',
+    # For OpenSCAD a comment ends with a line feed alone, and a word begins behind a number.
+    "// \r /* \ninclude <x>\n// \r */",
+    '// \r " \ninclude <x>\n// \r "',
+    "a = 1.5include <x>;",
+    "a = 1.5e3use <x>;",
 ]
 
 
@@ -63,6 +70,33 @@ def test_openscad_that_reads_other_files_is_refused(learning, folder, text):
     with pytest.raises(ApiError, match="it must stand alone"):
         learning.propose(f"width = 2;\n{text}\ncube(width);".encode(), "box.scad")
     assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("end", ['b = "', "/* ", 'b = "\\'])
+def test_openscad_that_would_go_on_in_our_settings_is_refused(tmp_path, end):
+    """Behind the file OpenSCAD gets the values of parameters; an option from a comment would close it and be run."""
+    path = tmp_path / "box.scad"
+    path.write_text(f'a = "x"; // [x, ;include</etc/passwd>//, */include</etc/passwd>]\ncube(1);\n{end}')
+    with pytest.raises(ValueError, match=r"box\.scad ends within a (text|comment); close it\."):
+        check_source(path, "box.scad")
+
+
+@pytest.mark.parametrize("part", ["/*", '"\\', "/", '"', "1"])
+def test_openscad_of_a_stranger_is_searched_in_linear_time(tmp_path, part):
+    """A search that goes back takes hours, in which the server answers nobody."""
+    path = tmp_path / "box.scad"
+    path.write_text(part * 400_000)
+    start = time.monotonic()
+    with contextlib.suppress(ValueError):
+        check_source(path, "box.scad")
+    assert time.monotonic() - start < 5
+
+
+def test_openscad_has_a_limit(tmp_path):
+    path = tmp_path / "box.scad"
+    path.write_text("a" * (MOST_SCAD_BYTES + 1))
+    with pytest.raises(ValueError, match=r"box\.scad has 4,194,305 bytes; an OpenSCAD file may have 4,194,304 here"):
+        check_source(path, "box.scad")
 
 
 def test_words_in_comments_and_strings_are_no_commands(tmp_path):

@@ -7,6 +7,8 @@ MOST_PICTURE_BYTES = 25 * 2**20
 MOST_JSON_BYTES = 2**18
 # A generator's file that is learned, where the server was started with --learn.
 MOST_SOURCE_BYTES = 100 * 2**20
+# An OpenSCAD file among them: the search of a longer one would keep everybody waiting for seconds.
+MOST_SCAD_BYTES = 4 * 2**20
 # The TOML file before it. Python's reader takes minutes for one long line with a hundred thousand dots.
 MOST_TOML_BYTES, MOST_TOML_LINE = 2**17, 2000
 # A longer body is read and forgotten, so that its client sees the error; a body of more than this is not read.

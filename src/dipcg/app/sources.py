@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from dipcg.app.limits import MOST_SCAD_BYTES
 from dipcg.importing.header import saved_by
 from dipcg.importing.program import ours
 
@@ -13,9 +14,13 @@ NO_CODE = (
     "A Python file would run here with all rights of the server, so none is taken. Where only people that you trust "
     "reach the server, start it with `dipcg serve --learn FOLDER --allow-code FOLDER`."
 )
-# Strings and comments of OpenSCAD, which are passed over, and the words that read other files of the machine.
+# Strings and comments of OpenSCAD, which are passed over, and the words that read other files of the machine. It reads
+# bytes, as OpenSCAD does, for which only \n ends a comment; a word also begins behind a number, as in `1.5include`; and
+# nothing is tried twice, because a search that goes back takes hours for a megabyte and stops the whole server.
 OPENSCAD = re.compile(
-    r'"(?:\\.|[^"\\])*"|//[^\n]*|/\*.*?\*/|\b(?P<word>include|use|import\w*|surface|dxf_\w+)\b', re.DOTALL
+    rb'"(?:[^"\\]|\\.)*+(?P<text>"|\\?\Z)|//[^\n]*|/\*(?:[^*]|\*(?!/))*+(?P<comment>\*/|\Z)'
+    rb"|(?<![A-Za-z_])(?P<word>include|use|import\w*|surface|dxf_\w+)\b",
+    re.DOTALL,
 )
 
 
@@ -36,7 +41,7 @@ def check_source(path: Path, file: str, blender: str = "") -> None:
     if file.lower().endswith(".blend"):
         _check_blend(path, file, blender)
     if file.lower().endswith(".scad"):
-        _check_alone(path.read_text(encoding="utf-8", errors="replace"), file)
+        _check_alone(path.read_bytes(), file)
 
 
 def _check_blend(path: Path, file: str, blender: str) -> None:
@@ -53,9 +58,15 @@ def _check_blend(path: Path, file: str, blender: str) -> None:
         )
 
 
-def _check_alone(text: str, file: str) -> None:
-    found = next((match["word"] for match in OPENSCAD.finditer(text) if match["word"]), None)
-    if found:
-        raise ValueError(
-            f"{file} uses `{found}`, which reads other files. Here it must stand alone; put all of it into one file."
-        )
+def _check_alone(content: bytes, file: str) -> None:
+    if len(content) > MOST_SCAD_BYTES:
+        raise ValueError(f"{file} has {len(content):,} bytes; an OpenSCAD file may have {MOST_SCAD_BYTES:,} here.")
+    for match in OPENSCAD.finditer(content):
+        # What OpenSCAD gets of us behind the file, as text, would close it and be taken for commands.
+        if not match[match.lastgroup or 0] or match["text"] == b"\\":
+            raise ValueError(f"{file} ends within a {match.lastgroup}; close it.")
+        if match["word"]:
+            raise ValueError(
+                f"{file} uses `{match['word'].decode()}`, which reads other files. Here it must stand alone; put all "
+                "of it into one file."
+            )

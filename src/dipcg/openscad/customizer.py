@@ -14,7 +14,8 @@ from typing import Any
 
 Entry = dict[str, Any]
 
-ASSIGNMENT = re.compile(r"^\s*(?P<name>\w+)\s*=\s*(?P<value>[^;]+);\s*(?://\s*(?P<limits>.*))?$")
+# A value begins with no space: where both could match the spaces of a long line, the search would take hours.
+ASSIGNMENT = re.compile(r"^\s*(?P<name>\w+)\s*=\s*(?P<value>[^;\s][^;]*);\s*(?://\s*(?P<limits>.*))?$")
 GROUP = re.compile(r"^\s*/\*\s*\[(?P<group>[^\]]*)\]\s*\*/")
 COMMENT = re.compile(r"^\s*//\s*(?P<text>.*)$")
 # Nothing below the first of these is a parameter.
