@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -93,6 +94,19 @@ def test_a_long_line_is_read_in_linear_time():
     start = time.monotonic()
     assert customizer("a =" + 1_000_000 * " ") == ({}, {})
     assert time.monotonic() - start < 5
+
+
+@needs_openscad
+@pytest.mark.parametrize("command", ["linear_extrude(height = width, file = name)", "rotate_extrude(name)"])
+def test_a_drawing_that_is_read_without_a_command_for_it_is_refused(tmp_path, command):
+    """No list of words finds it, because the path may be in any variable."""
+    corners = [(0, 0), (9, 0), (9, 9), (0, 0)]
+    lines = [f"0 LINE 8 0 10 {a} 20 {b} 11 {c} 21 {d}" for (a, b), (c, d) in pairwise(corners)]
+    drawing = " ".join(["0 SECTION 2 ENTITIES", *lines, "0 ENDSEC 0 EOF"])
+    (tmp_path / "other.dxf").write_text(drawing.replace(" ", "\n"))
+    (tmp_path / "box.scad").write_text(f'width = 2; // [1:5]\nname = "{tmp_path}/other.dxf";\n{command};\n')
+    with pytest.raises(ValueError, match=r"OpenSCAD says: DEPRECATED: Support for reading files in \w+_extrude"):
+        import_scad(tmp_path / "box.scad", seconds=5.0)
 
 
 @needs_openscad

@@ -114,9 +114,11 @@ def _build(scad: str, entries: Mapping[str, Mapping[str, Any]], params: Params) 
 
 
 def _check_output(done: subprocess.CompletedProcess[str], target: Path) -> None:
-    """Raise ValueError when OpenSCAD failed, or went on without a file that it should include."""
+    """Raise ValueError when OpenSCAD failed, or went on without a file, or with one that it should not read."""
     lines = [line.strip() for line in done.stderr.splitlines()]
-    missing = [line for line in lines if "Can't open" in line]
+    # The old linear_extrude(file) reads drawings beside the file, whatever is in the variable that names one; its hash
+    # would not change with them, and a file of a stranger must stand alone.
+    missing = [line for line in lines if "Can't open" in line or "Support for reading files in" in line]
     errors = missing or [line for line in lines if "ERROR" in line or "empty" in line]
     if missing or done.returncode or not target.is_file():
         raise ValueError(f"OpenSCAD says: {(errors or lines or ['nothing'])[0].rstrip('.')}")
