@@ -1,6 +1,7 @@
 """Small Blender files for tests/importing/test_blend.py; `python tests/importing/make_blends.py FOLDER` writes them."""
 
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -214,6 +215,23 @@ def cloth() -> None:
     modifier.point_cache.use_external = True
 
 
+def smoke(name: str = "Smoke") -> None:
+    """A box, and smoke that Blender writes into a folder when it evaluates it: another object, or the box itself."""
+    add("Box", simple())
+    smoking = bpy.data.objects.get(name) or bpy.data.objects.new(name, bpy.data.meshes.new(name))
+    if name == "Smoke":
+        bpy.context.scene.collection.objects.link(smoking)
+    smoking.data.from_pydata([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], [], [(0, 1, 3, 2)])
+    modifier = smoking.modifiers.new("smoke", "FLUID")
+    modifier.fluid_type = "DOMAIN"
+    modifier.domain_settings.cache_type, modifier.domain_settings.resolution_max = "REPLAY", 6
+    modifier.domain_settings.cache_directory = str(FOLDER / "written")
+
+
+def smoking() -> None:
+    smoke("Box")
+
+
 def trap() -> None:
     """A text that runs when Auto Run is on, and a driver that calls what it must not."""
     obj = add("Box", simple())
@@ -230,9 +248,12 @@ if __name__ == "__main__":
     FOLDER = Path(sys.argv[1]).resolve()
     bpy.context.preferences.filepaths.save_version = 0
     usual = (kinds, two, plain, unseen, instances, curve, mixed, bevelled, unlinked, no_inputs, linked)
-    for make in (*usual, trap, picture_packed, picture_beside, baked, cloth):
+    outside = (picture_packed, picture_beside, baked, cloth, smoke, smoking)
+    for make in (*usual, trap, *outside):
         bpy.ops.wm.read_factory_settings(use_empty=True)
         make()
         bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / f"{make.__name__}.blend"), compress=True)
+    # Made by saving the smoke.
+    shutil.rmtree(FOLDER / "written")
     # Blender sometimes crashes when it shuts down.
     os._exit(0)

@@ -12,6 +12,7 @@ import pytest
 
 from dipcg.blender.declaration import write_declaration
 from dipcg.cli import main
+from dipcg.export.blend import write_live
 from dipcg.generators import load_generator
 from dipcg.importing.blend import Options, import_blend
 from dipcg.space import Choice, Real
@@ -194,6 +195,7 @@ def test_a_wrong_range_is_named(capsys, blends, given, expected):
         ("picture_beside.blend", [], "height.png. In Blender, make it local"),
         ("baked.blend", [], "'Box' in {folder}/baked.blend needs //bakes. In Blender, make it local"),
         ("cloth.blend", [], "needs the cache of its modifier 'cloth'"),
+        ("smoking.blend", [], "needs the cache of its modifier 'smoke'"),
         ("linked.blend", [], "needs the geometry node tree 'tree' of //kinds.blend"),
         ("missing.blend", [], "There is no file"),
         ("text.blend", [], "text.blend is not a Blender file"),
@@ -247,6 +249,20 @@ def test_nothing_in_the_file_runs(blends, made):
     assert {path.name for path in made.glob("*-ran")} == {"text-ran", "driver-ran"}, "the trap works"
     for path in made.glob("*-ran"):
         path.unlink()
+
+
+def test_nothing_is_evaluated_before_it_was_checked(blends):
+    """Smoke is written into any folder that a file names as soon as its scene is evaluated, which opening it does."""
+    with pytest.raises(ValueError, match="needs the cache"):
+        import_blend(blends / "smoking.blend")
+    found = import_blend(blends / "smoke.blend")
+    write_live(str(found.path), {"size": 1.0}, blends / "saved.blend")
+    assert not (blends / "written").exists()
+    look = f"import bpy; bpy.ops.wm.open_mainfile(filepath={str(blends / 'saved.blend')!r})"
+    look += "; bpy.context.view_layer.update()"
+    end = "; assert bpy.context.scene.objects.keys() == ['Box', 'Smoke'], bpy.data.scenes[:]; import os; os._exit(0)"
+    subprocess.run([sys.executable, "-c", look + end], check=True, capture_output=True)
+    assert (blends / "written").exists(), "the smoke works"
 
 
 # The file that is written

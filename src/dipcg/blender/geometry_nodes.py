@@ -107,12 +107,14 @@ def save_with(_: object, place: Place, settings: Iterable[Setting], target: str)
     import bpy
 
     from dipcg.blender.scene import save
+    from dipcg.blender.unseen import saved_as_opened
 
     path, name, modifier, group = place
     _set_inputs(find_inputs(open_object(path, name), modifier, tuple(group))[2], settings)
     # The file is saved in one folder and then moved to another, so relative paths would lead elsewhere.
     bpy.ops.file.make_paths_absolute()
-    save(target)
+    with saved_as_opened():
+        save(target)
 
 
 def _alone(obj: Any, modifier: Any, inputs: Inputs) -> Graph:

@@ -5,11 +5,11 @@ Nothing in the file is executed, neither scripts nor Python drivers, and nothing
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 from dipcg.blender.outside import check_nothing_outside, needed_by, trees
 from dipcg.blender.sockets import Inputs, ModifierInputs, NodeInputs, inner_groups, usable
+from dipcg.blender.unseen import open_unseen
 from dipcg.space import did_you_mean
 
 REALISE = "dipcg: realise instances"
@@ -28,11 +28,11 @@ def open_object(path: str, name: str = "", saved_by: Version = (0, 0)) -> Any:
     if saved_by > bpy.app.version[:2]:
         hint = f" It was saved by Blender {saved_by[0]}.{saved_by[1]}; give a Blender that is as new with --blender."
     try:
-        bpy.ops.wm.open_mainfile(filepath=os.path.abspath(path), load_ui=False, use_scripts=False)
+        active = open_unseen(path)
     except RuntimeError as error:
         reason = hint or f" {str(error).strip().splitlines()[-1].removeprefix('Error: ').rstrip('.')}."
         raise ValueError(f"Blender {bpy.app.version_string} cannot open {path}.{reason}") from None
-    obj = _find(path, name)
+    obj = _find(path, name, active)
     check_nothing_outside(path, obj)
     unknown = sorted(
         {node.name for tree in trees(needed_by(obj)) for node in tree.nodes if node.bl_idname == "NodeUndefined"}
@@ -73,7 +73,7 @@ def python_drivers(obj: Any) -> list[str]:
     return [curve.data_path for curve in scripted if not curve.driver.is_simple_expression]
 
 
-def _find(path: str, name: str) -> Any:
+def _find(path: str, name: str, active: Any) -> Any:
     import bpy
 
     found = {obj.name: obj for obj in bpy.data.objects if modifiers(obj)}
@@ -86,7 +86,6 @@ def _find(path: str, name: str) -> Any:
     if name:
         return found[name]
     with_inputs = {name: obj for name, obj in found.items() if usable(find_inputs(obj)[2])} or found
-    active = bpy.context.view_layer.objects.active
     if len(with_inputs) > 1 and (active is None or active.name not in with_inputs):
         raise ValueError(f"{path} has several objects with Geometry Nodes: {', '.join(found)}. Name one with --object.")
     return next(iter(with_inputs.values())) if len(with_inputs) == 1 else active

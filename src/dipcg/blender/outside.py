@@ -105,7 +105,8 @@ def _is_cached(modifier: Any) -> bool:
     if modifier.type == "OCEAN":
         return modifier.is_cached
     if domain is not None:
-        return _exists(domain.cache_directory)
+        # It also writes into that folder, which may be anywhere.
+        return True
     cache = getattr(getattr(modifier, "particle_system", modifier), "point_cache", None)
     return cache is not None and (cache.use_disk_cache or cache.use_external)
 
