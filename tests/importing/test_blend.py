@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zstandard
 
 from dipcg.blender.declaration import write_declaration
 from dipcg.cli import main
@@ -263,6 +264,18 @@ def test_nothing_is_evaluated_before_it_was_checked(blends):
     end = "; assert bpy.context.scene.objects.keys() == ['Box', 'Smoke'], bpy.data.scenes[:]; import os; os._exit(0)"
     subprocess.run([sys.executable, "-c", look + end], check=True, capture_output=True)
     assert (blends / "written").exists(), "the smoke works"
+
+
+def test_no_file_is_packed_into_what_is_saved(blends, made):
+    """Who fetches the Blender file of an asset would get any file of the server that the source names."""
+    found = import_blend(blends / "hoarder.blend")
+    (made / "secret.txt").write_text("the secret")
+    write_live(str(found.path), {"size": 1.0}, blends / "saved.blend")
+    (made / "secret.txt").unlink()
+    with (blends / "saved.blend").open("rb") as file:
+        content = zstandard.ZstdDecompressor().stream_reader(file, read_across_frames=True).read()
+    assert b"secret.txt" in content
+    assert b"the secret" not in content
 
 
 # The file that is written

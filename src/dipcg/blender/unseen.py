@@ -33,6 +33,8 @@ def open_unseen(path: str) -> Any:
         bpy.ops.wm.open_mainfile(filepath=os.path.abspath(path), load_ui=False, use_scripts=False)
     finally:
         bpy.app.handlers.load_post.remove(hide)
+    # With this a file tells Blender to pack all files that it names, whatever they are, when it is saved.
+    bpy.data.use_autopack = False
     return active[0]
 
 
