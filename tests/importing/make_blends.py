@@ -241,6 +241,68 @@ def hoarder() -> None:
     bpy.data.use_autopack = True
 
 
+def sequence() -> None:
+    """A relief whose picture is packed and yet read from the disk, as a sequence is."""
+    pictured(True)
+    bpy.data.images["height"].source = "SEQUENCE"
+
+
+def sculpted() -> None:
+    """A plane whose sculpted detail lies in a file beside the Blender file."""
+    bpy.ops.mesh.primitive_plane_add()
+    box = bpy.context.object
+    box.modifiers.new("nodes", "NODES").node_group = simple()
+    modifier = box.modifiers.new("detail", "MULTIRES")
+    bpy.ops.object.multires_subdivide(modifier="detail")
+    bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "sculpted.blend"))
+    bpy.ops.object.multires_external_save(filepath=str(FOLDER / "detail.btx"), modifier=modifier.name)
+
+
+def volume() -> None:
+    """A box that needs a volume, which Blender reads from the disk though it is packed."""
+    made = bpy.data.volumes.new("cloud")
+    made.filepath = str(FOLDER / "cloud.vdb")
+    Path(made.filepath).touch()
+    bpy.ops.file.pack_all()
+    tree = simple()
+    tree.nodes.new("GeometryNodeObjectInfo").inputs["Object"].default_value = bpy.data.objects.new("cloud", made)
+    add("Box", tree)
+
+
+def driven(box: bpy.types.Object, target: str) -> bpy.types.Material:
+    """A material of the box that a driver of its place reads."""
+    material = bpy.data.materials.new("wood")
+    material.use_nodes = True
+    box.data.materials.append(material)
+    driver = box.driver_add("location", 0).driver
+    driver.type, variable = "SUM", driver.variables.new()
+    variable.targets[0].id_type, variable.targets[0].id = "MATERIAL", material
+    variable.targets[0].data_path = target
+    return material
+
+
+def pixels() -> None:
+    """A box that stands where a pixel of a picture beside the file says, which only its material has."""
+    material = driven(add("Box", simple()), 'node_tree.nodes["Image Texture"].image.pixels[0]')
+    image = bpy.data.images.new("white", 4, 4)
+    image.pixels = [1.0] * 64
+    image.filepath_raw, image.file_format = str(FOLDER / "white.png"), "PNG"
+    image.save()
+    image.source = "FILE"
+    material.node_tree.nodes.new("ShaderNodeTexImage").image = image
+
+
+def through() -> None:
+    """A box that stands where a material says, which asks an object whose mesh lies in a file."""
+    material = driven(add("Box", simple()), '["place"]')
+    material["place"] = 0.0
+    other = bpy.data.objects.new("other", bpy.data.meshes.new("other"))
+    bpy.context.scene.collection.objects.link(other)
+    other.modifiers.new("cache", "MESH_CACHE").filepath = "//other.mdd"
+    variable = material.driver_add('["place"]').driver.variables.new()
+    variable.type, variable.targets[0].id = "TRANSFORMS", other
+
+
 def trap() -> None:
     """A text that runs when Auto Run is on, and a driver that calls what it must not."""
     obj = add("Box", simple())
@@ -257,7 +319,8 @@ if __name__ == "__main__":
     FOLDER = Path(sys.argv[1]).resolve()
     bpy.context.preferences.filepaths.save_version = 0
     usual = (kinds, two, plain, unseen, instances, curve, mixed, bevelled, unlinked, no_inputs, linked)
-    outside = (picture_packed, picture_beside, baked, cloth, smoke, smoking, hoarder)
+    outside = (picture_packed, picture_beside, baked, cloth, smoke, smoking, hoarder, sequence, sculpted)
+    outside += (volume, pixels, through)
     for make in (*usual, trap, *outside):
         bpy.ops.wm.read_factory_settings(use_empty=True)
         make()

@@ -197,6 +197,10 @@ def test_a_wrong_range_is_named(capsys, blends, given, expected):
         ("baked.blend", [], "'Box' in {folder}/baked.blend needs //bakes. In Blender, make it local"),
         ("cloth.blend", [], "needs the cache of its modifier 'cloth'"),
         ("smoking.blend", [], "needs the cache of its modifier 'smoke'"),
+        ("sequence.blend", [], "height.png. In Blender, make it local"),
+        ("sculpted.blend", [], "detail.btx. In Blender, make it local"),
+        ("volume.blend", [], "cloud.vdb. In Blender, make it local"),
+        ("through.blend", [], "'Box' in {folder}/through.blend needs //other.mdd. In Blender, make it local"),
         ("linked.blend", [], "needs the geometry node tree 'tree' of //kinds.blend"),
         ("missing.blend", [], "There is no file"),
         ("text.blend", [], "text.blend is not a Blender file"),
@@ -276,6 +280,12 @@ def test_no_file_is_packed_into_what_is_saved(blends, made):
         content = zstandard.ZstdDecompressor().stream_reader(file, read_across_frames=True).read()
     assert b"secret.txt" in content
     assert b"the secret" not in content
+
+
+def test_pictures_of_materials_are_read_by_nothing(blends, made):
+    (mesh,) = built(import_blend(blends / "pixels.blend").path, {"size": 1.0})
+    assert (made / "white.png").is_file()
+    assert mesh.centre == pytest.approx(0)
 
 
 # The file that is written

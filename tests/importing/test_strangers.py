@@ -101,6 +101,27 @@ bpy.ops.wm.save_as_mainfile(filepath={str(tmp_path / "reader.blend")!r})
         import_blend(tmp_path / "reader.blend", Options(blender=NEWER))
 
 
+@newer
+def test_a_bake_that_is_not_packed_is_not_read_from_the_disk(tmp_path):
+    """Blender 4.3 and newer look into the folder also where a bake is to be packed."""
+    program = f"""
+import bpy
+tree = bpy.data.node_groups.new("baked", "GeometryNodeTree")
+tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+tree.interface.new_socket("Size", in_out="INPUT", socket_type="NodeSocketFloat")
+chain = [tree.nodes.new(name) for name in ("GeometryNodeMeshCube", "GeometryNodeBake", "NodeGroupOutput")]
+for one, other in zip(chain, chain[1:]):
+    tree.links.new(one.outputs[0], other.inputs[0])
+modifier = bpy.context.object.modifiers.new("baked", "NODES")
+modifier.node_group, modifier.bake_directory, modifier.bake_target = tree, {str(tmp_path / "bakes")!r}, "PACKED"
+bpy.ops.wm.save_as_mainfile(filepath={str(tmp_path / "baked.blend")!r})
+"""
+    subprocess.run([NEWER, "-c", program], check=True, capture_output=True)
+    (tmp_path / "bakes").mkdir()
+    with pytest.raises(ValueError, match=r"'Cube' in .* needs .*bakes\. In Blender, make it local"):
+        import_blend(tmp_path / "baked.blend", Options(blender=NEWER))
+
+
 @older
 @strangers
 def test_the_older_blender_of_the_system_builds(stranger):

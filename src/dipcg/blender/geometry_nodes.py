@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from dipcg.blender.opening import REALISE, Version, find_inputs, modifiers, open_object, python_drivers
+from dipcg.blender.outside import forget_pictures
 from dipcg.blender.sockets import (
     Inputs,
     ModifierInputs,
@@ -118,6 +119,7 @@ def save_with(_: object, place: Place, settings: Iterable[Setting], target: str)
 
 
 def _alone(obj: Any, modifier: Any, inputs: Inputs) -> Graph:
+    forget_pictures()
     _realise_instances(obj)
     return Graph(obj, inputs, _layer_of(obj, modifier))
 

@@ -38,9 +38,11 @@ def check_nothing_outside(path: str, obj: Any) -> None:
     """Raise ValueError with a sentence when the shape of an object needs data or files outside the Blender file."""
     import bpy
 
-    linked = {f"the {b.bl_rna.name.lower()} {b.name!r} of {b.library.filepath}" for b in needed_by(obj) if b.library}
-    # Pictures of materials change no shape, and nothing reads them.
-    shaping = needed_by(obj, without=(bpy.types.Material,))
+    needed = needed_by(obj)
+    linked = {f"the {b.bl_rna.name.lower()} {b.name!r} of {b.library.filepath}" for b in needed if b.library}
+    # A driver may read what else a material has; its pictures are forgotten before anything is built.
+    pictures = needed_by(obj, without=(bpy.types.Material,))
+    shaping = {block for block in needed if block in pictures or not isinstance(block, bpy.types.Image)}
     outside = linked | _files(shaping) | set(_caches(shaping))
     if outside:
         raise ValueError(
@@ -55,6 +57,15 @@ def check_nothing_outside(path: str, obj: Any) -> None:
         )
 
 
+def forget_pictures() -> None:
+    """Leave no path in the pictures that lie outside the Blender file, so that nothing can read them."""
+    import bpy
+
+    for image in bpy.data.images:
+        if not _is_inside(image):
+            image.filepath_raw = ""
+
+
 def _files(needed: Iterable[Any]) -> set[str]:
     """The files of pictures, fonts, volumes, sounds and the like that are not packed."""
     import bpy
@@ -65,7 +76,13 @@ def _files(needed: Iterable[Any]) -> set[str]:
 
 
 def _is_inside(block: Any) -> bool:
-    return bool(getattr(block, "packed_file", None)) or getattr(block, "source", "") == "GENERATED"
+    """Whether Blender reads what is packed, or makes it: it reads films, sequences and volumes from their paths."""
+    import bpy
+
+    source = getattr(block, "source", "FILE")
+    if source != "FILE" or isinstance(block, bpy.types.Volume):
+        return source == "GENERATED"
+    return bool(getattr(block, "packed_file", None)) and not getattr(block, "use_multiview", False)
 
 
 def _reads_a_file(node: Any) -> bool:
@@ -77,12 +94,12 @@ def _reads_a_file(node: Any) -> bool:
 
 
 def _caches(needed: Iterable[Any]) -> Iterator[str]:
-    """Motion that was baked into files beside the Blender file."""
+    """Motion and sculpted detail that lie in files beside the Blender file."""
     import bpy
 
     for obj in needed:
         for modifier in obj.modifiers if isinstance(obj, bpy.types.Object) else ():
-            if modifier.type == "MESH_CACHE" and modifier.filepath:
+            if (modifier.type == "MESH_CACHE" and modifier.filepath) or getattr(modifier, "is_external", False):
                 yield modifier.filepath
             elif modifier.type == "NODES":
                 yield from filter(_exists, _bakes(modifier))
@@ -91,12 +108,9 @@ def _caches(needed: Iterable[Any]) -> Iterator[str]:
 
 
 def _bakes(modifier: Any) -> Iterator[str]:
-    """The folders of baked nodes and simulations; Blender 4.3 and newer can pack them."""
-    kept = getattr(modifier, "bake_target", "DISK")
+    """The folders of baked nodes and simulations, which Blender also reads where a bake is to be packed and is not."""
     for bake in modifier.bakes if hasattr(modifier, "bakes") else ():
-        target = getattr(bake, "bake_target", "INHERIT")
-        if "DISK" in (target, kept if target == "INHERIT" else target):
-            yield bake.directory if bake.use_custom_path else modifier.bake_directory
+        yield bake.directory if bake.use_custom_path else modifier.bake_directory
 
 
 def _is_cached(modifier: Any) -> bool:
