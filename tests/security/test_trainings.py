@@ -105,6 +105,14 @@ def test_words_in_comments_and_strings_are_no_commands(tmp_path):
     check_source(path, "box.scad")
 
 
+@pytest.mark.parametrize("start", ["1f8b08", "1f8b0800", "28b52ffd"])
+def test_what_is_only_begun_like_a_compressed_file_is_refused(tmp_path, start):
+    path = tmp_path / "lamp.blend"
+    path.write_bytes(bytes.fromhex(start) + 7 * b"\0" + 99 * b"\xff")
+    with pytest.raises(ValueError, match=r"lamp\.blend is not a Blender file"):
+        check_source(path, "lamp.blend")
+
+
 def test_a_file_of_a_newer_blender_is_refused_with_what_to_do(learning, folder):
     with pytest.raises(ApiError, match=r"clock\.blend was saved by Blender 5\.1.*--learn FOLDER --blender PROGRAM"):
         learning.propose(BLENDER_5, "clock.blend")

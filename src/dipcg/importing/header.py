@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import re
+import zlib
 from pathlib import Path
 
 import zstandard
@@ -21,7 +22,7 @@ def saved_by(path: Path) -> tuple[int, int]:
     """The version of Blender that saved a file, such as (4, 2); raises ValueError with a sentence, and OSError."""
     try:
         found = HEADER.match(_start(path))
-    except (zstandard.ZstdError, EOFError, gzip.BadGzipFile):
+    except (zstandard.ZstdError, zlib.error, EOFError, gzip.BadGzipFile):
         found = None
     if not found:
         raise ValueError(f"{path} is not a Blender file; give one that Blender saved, ending in .blend.")
