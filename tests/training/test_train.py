@@ -84,6 +84,25 @@ def test_in_the_last_stage_the_encoder_stays_as_it_is(data, tmp_path):
     assert torch.equal(run.model.guess.weight, run.averaged.guess.weight)
 
 
+def test_the_average_of_the_last_stage_is_not_held_back_by_the_first(data, tmp_path):
+    """A short last stage after a long first one: with the average of all steps, what it learnt would not be shipped."""
+    box = load_generator("box")
+    run = Run(build_estimator(box.space, TINY), replace(CONFIG, pictures=10_000), tmp_path / "run", box)
+    run.counters |= {"pictures": 8_000, "step": 5_000, "stage": "guess", "averaged": 5_000}
+    batch = training._validation_batch(data, run)
+    before = flat(run.model.denoiser)
+    for _ in range(12):
+        run.learn(batch)
+    learnt, averaged = flat(run.model.denoiser) - before, flat(run.averaged.denoiser) - before
+    assert float((averaged - learnt).norm()) < 0.5 * float(learnt.norm())
+    # Later steps of the stage do not start it anew.
+    assert run.counters["averaged"] == 12
+
+
+def flat(network: torch.nn.Module) -> torch.Tensor:
+    return torch.cat([weight.detach().flatten().clone() for weight in network.parameters()])
+
+
 def test_an_unfinished_checkpoint_takes_pictures_of_the_size_that_it_was_trained_on(data, tmp_path, monkeypatch):
     monkeypatch.setattr(training, "VALIDATE_EVERY_S", 0.0)
     for pictures, size in ((48, 16), (208, 32)):

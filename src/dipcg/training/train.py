@@ -133,7 +133,14 @@ class Run:
         self.averaged.load_state_dict(self.model.state_dict())
         self.optimisers = make_optimisers(self.model, config)
         self.schedule = Schedule(config, _image_size(model), model.makes_guess, _grows(config, model))
-        self.counters: dict[str, Any] = {"elapsed_s": 0.0, "pictures": 0, "step": 0, "best": {}}
+        self.counters: dict[str, Any] = {
+            "elapsed_s": 0.0,
+            "pictures": 0,
+            "step": 0,
+            "stage": "",
+            "averaged": 0,
+            "best": {},
+        }
         self.counters |= load_state(out, self._networks, self.optimisers, self.settings, self.device)
         compile_networks(config, self.model, self.device)
         if self.share >= 1:
@@ -230,6 +237,10 @@ class Run:
 
     def _set_stage(self, denoiser: bool) -> None:
         """Train the encoder and its guess, or the denoiser on the averaged encoder, which then stays as it is."""
+        stage = "denoiser" if denoiser else "guess"
+        if self.counters["stage"] != stage:
+            # What was averaged before would hold the new weights back for longer than a short stage lasts.
+            self.counters |= {"stage": stage, "averaged": 0}
         self.model.train()
         if not (self.model.makes_guess and denoiser):
             return
@@ -251,7 +262,8 @@ class Run:
 
     @torch.no_grad()
     def _average(self) -> None:
-        step = self.counters["step"]
+        step = self.counters["averaged"]
+        self.counters["averaged"] += 1
         update = get_ema_multi_avg_fn(min(self.config.ema, (1 + step) / (10 + step)))
         ours, theirs = self.averaged.state_dict(), self.model.state_dict()
         floats = [key for key, value in ours.items() if value.is_floating_point()]
