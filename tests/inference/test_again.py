@@ -27,7 +27,7 @@ def inverter() -> Iterator[Inverter]:
 
 @pytest.fixture(scope="module")
 def ranked(inverter) -> Estimate:
-    return rank(among(inverter, picture(inverter), START), inverter)
+    return rank(among(inverter, picture(inverter), START, with_changes(has_legs=False)), inverter)
 
 
 @pytest.fixture
@@ -48,7 +48,7 @@ def test_what_the_network_reads_with_the_same_bias_leads_to_the_truth(inverter, 
     assert found.params["height"] == pytest.approx(TRUTH["height"], abs=0.01)
     assert found.params["width"] == pytest.approx(TRUTH["width"], abs=0.01)
     assert found.candidates[0].agreement > ranked.candidates[0].agreement + 0.1
-    assert found.candidates[1].params == ranked.params
+    assert [candidate.params for candidate in found.candidates[1:]] == [ranked.params]
     assert found.misfit == pytest.approx(1 - found.candidates[0].agreement)
 
 

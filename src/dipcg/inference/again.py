@@ -54,4 +54,5 @@ def improved(
         best = judge.align(best)
     finally:
         judge.close()
-    return with_candidates(estimate, merge([best, *estimate.candidates], space))
+    # As many candidates as before: the last is the least likely.
+    return with_candidates(estimate, merge([best, *estimate.candidates], space)[: len(estimate.candidates)])

@@ -16,9 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
-from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from dipcg.config import ModelConfig, TrainConfig
 from dipcg.data.shapes import Shapes, load_shapes
@@ -28,6 +26,7 @@ from dipcg.generators import Generator
 from dipcg.model.checkpoint import load_matching, write_checkpoint
 from dipcg.model.estimators import AnyEstimator, build_estimator
 from dipcg.model.zoo import find_checkpoint
+from dipcg.training.averaging import average
 from dipcg.training.device import choose_device, compile_networks, has_bfloat16, machine
 from dipcg.training.distributed import Processes
 from dipcg.training.muon import make_optimisers
@@ -37,7 +36,7 @@ from dipcg.training.schedule import Schedule
 from dipcg.training.sentences import Sentences
 from dipcg.training.state import allow_lower_rates, load_state, save_state
 from dipcg.training.threads import Threads
-from dipcg.training.validate import Validation, validate
+from dipcg.training.validate import Validation, resized, validate
 
 # Seconds between two validations, after each of which the state is saved.
 VALIDATE_EVERY_S = 120.0
@@ -194,7 +193,8 @@ class Run:
         self._check_number("gradient", torch.nn.utils.clip_grad_norm_(self.model.parameters(), 1.0))
         for optimiser in self.optimisers.values():
             optimiser.step()
-        self._average()
+        average(self.averaged, self.model, self.config.ema, self.counters["averaged"])
+        self.counters["averaged"] += 1
         self.counters["step"] += 1
         self.counters["pictures"] += self.processes.size * len(batch.x)
         return float(loss.detach())
@@ -203,7 +203,7 @@ class Run:
         """Validate the averaged weights, write a checkpoint if they are the best of their stage, and save the state."""
         denoiser, size = self.schedule.trains_denoiser(self.share), self.schedule.size(self.share)
         checks = Batch(*(part.to(self.device) for part in checks))
-        found = validate(self.averaged, checks._replace(images=_resized(checks.images, size)), denoiser)
+        found = validate(self.averaged, checks._replace(images=resized(checks.images, size)), denoiser)
         self._check_number("loss of the validation", torch.tensor(found.loss))
         stage = "denoiser" if denoiser else "guess"
         if found.loss <= self.counters["best"].get(stage, float("inf")):
@@ -259,22 +259,6 @@ class Run:
             if self.model.makes_guess and not self.schedule.trains_denoiser(self.share):
                 return self.model.guess_loss(features, batch.x, active)
             return self.model.denoising_loss(features, batch.x, active, self.config)
-
-    @torch.no_grad()
-    def _average(self) -> None:
-        step = self.counters["averaged"]
-        self.counters["averaged"] += 1
-        update = get_ema_multi_avg_fn(min(self.config.ema, (1 + step) / (10 + step)))
-        ours, theirs = self.averaged.state_dict(), self.model.state_dict()
-        floats = [key for key, value in ours.items() if value.is_floating_point()]
-        update([ours[key] for key in floats], [theirs[key] for key in floats], step)
-
-
-def _resized(images: Tensor, size: int) -> Tensor:
-    """Pictures at another size; tokens of sentences as they are."""
-    if images.ndim != 4 or images.shape[-1] == size:
-        return images
-    return F.interpolate(images.float(), (size, size), mode="bilinear", antialias=True)
 
 
 def _image_size(model: AnyEstimator) -> int:

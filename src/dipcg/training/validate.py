@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
+import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor
 
@@ -73,3 +74,10 @@ def _errors(model: AnyEstimator, x: Float[Tensor, "b d"], batch: Batch) -> tuple
 
 def _mean(values: Float[Tensor, "b p"], where: Bool[Tensor, "b p"]) -> float:
     return float(values[where].mean()) if where.any() else 0.0
+
+
+def resized(images: Tensor, size: int) -> Tensor:
+    """Pictures at another size; tokens of sentences as they are."""
+    if images.ndim != 4 or images.shape[-1] == size:
+        return images
+    return F.interpolate(images.float(), (size, size), mode="bilinear", antialias=True)
