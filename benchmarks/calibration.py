@@ -14,10 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.drawing import save_figure
 from benchmarks.timing import header, machine, row
 from dipcg.data.store import Store
 from dipcg.evaluation.evaluate import Case, split_cases
-from dipcg.files import write_file, written
+from dipcg.files import write_file
 from dipcg.model.zoo import CARD, find_checkpoint
 from dipcg.pipeline import Estimate, Inverter
 from dipcg.space import ParameterSpace, Real
@@ -168,9 +169,7 @@ def draw(found: Found, path: Path) -> None:
     left.axhline(1, color="tab:red")
     for axes in (middle, right):
         axes.plot([0, 1], [0, 1], color="tab:red")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with written(path) as unfinished:
-        figure.savefig(unfinished, dpi=80)
+    save_figure(figure, path, 80)
 
 
 if __name__ == "__main__":

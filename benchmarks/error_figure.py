@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dipcg.files import written
+from benchmarks.drawing import save_figure
 from dipcg.metrics.parameter_error import per_parameter
 from dipcg.space import Choice, ParameterSpace, Params, Real
 
@@ -59,9 +59,7 @@ def draw_errors(space: ParameterSpace, errors: Sequence[Error], path: Path) -> N
         # Bars have the same thickness in both panels.
         axes.set(title=title, xlim=(0, None), ylim=(rows - 0.5, -0.5))
     panels[-1].legend(loc="lower right")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with written(path) as unfinished:
-        figure.savefig(unfinished, dpi=80)
+    save_figure(figure, path, 80)
 
 
 def _draw_part(axes: Any, errors: Sequence[Error]) -> None:

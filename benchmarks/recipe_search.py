@@ -11,11 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.drawing import save_figure
 from benchmarks.timing import header, machine, row
 from benchmarks.trained import train
 from dipcg.evaluation.evaluate import Case, distance, pair_cases, split_cases
 from dipcg.evaluation.tables import bootstrap
-from dipcg.files import write_file, written
+from dipcg.files import write_file
 from dipcg.metrics import load_metric
 from dipcg.model.zoo import CARD
 from dipcg.pipeline import Inverter
@@ -133,8 +134,7 @@ def draw(by_shapes: dict[int, dict], path: Path) -> None:
     axes.minorticks_off()
     axes.grid(alpha=0.3)
     axes.legend()
-    with written(path) as unfinished:
-        figure.savefig(unfinished, dpi=110)
+    save_figure(figure, path, 110)
 
 
 def _told(flags: tuple[str, ...]) -> str:

@@ -15,12 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.drawing import save_figure
 from benchmarks.memory import PeakMemory
 from benchmarks.timing import header, machine, row
 from dipcg.evaluation.evaluate import Case, split_cases
 from dipcg.evaluation.external import find_mesh, measured, read_mesh
 from dipcg.evaluation.retrieval import Neighbours
-from dipcg.files import write_file, written
+from dipcg.files import write_file
 from dipcg.images import prepare
 from dipcg.inference.compare import SIDE, Picture
 from dipcg.inference.rank import rank
@@ -194,8 +195,7 @@ def plot(rows: dict[str, Row], path: Path) -> None:
     axes.set(xscale="log", ylim=(0, None), xlabel="seconds a picture", ylabel="CD")
     axes.grid(alpha=0.3, which="both")
     axes.legend(fontsize=8)
-    with written(path) as unfinished:
-        figure.savefig(unfinished, dpi=110)
+    save_figure(figure, path, 110)
 
 
 if __name__ == "__main__":

@@ -81,45 +81,28 @@ def test_a_newer_blender_builds(tmp_path):
 @newer
 def test_a_node_that_reads_another_file_is_refused(tmp_path):
     """With Import Text, whoever sends a file would read any file of the server as a mesh of its letters."""
-    program = f"""
-import bpy
-tree = bpy.data.node_groups.new("reader", "GeometryNodeTree")
-tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-tree.interface.new_socket("Size", in_out="INPUT", socket_type="NodeSocketFloat")
-chain = [tree.nodes.new(name) for name in (
-    "GeometryNodeImportText", "GeometryNodeStringToCurves", "GeometryNodeRealizeInstances", "GeometryNodeFillCurve",
-    "NodeGroupOutput")]
-chain[0].inputs[0].default_value = {str(LAMP.with_name("fluted_vase.scad"))!r}
-for one, other in zip(chain, chain[1:]):
-    tree.links.new(one.outputs[0], other.inputs[0])
-tree.links.new(tree.nodes.new("NodeGroupInput").outputs["Size"], chain[1].inputs["Size"])
-bpy.context.object.modifiers.new("reader", "NODES").node_group = tree
-bpy.ops.wm.save_as_mainfile(filepath={str(tmp_path / "reader.blend")!r})
-"""
-    subprocess.run([NEWER, "-c", program], check=True, capture_output=True)
+    chain = ("ImportText", "StringToCurves", "RealizeInstances", "FillCurve")
+    made = saved_by_newer(
+        tmp_path / "reader.blend",
+        chain,
+        f"""
+nodes[0].inputs[0].default_value = {str(LAMP.with_name("fluted_vase.scad"))!r}
+tree.links.new(tree.nodes.new("NodeGroupInput").outputs["Size"], nodes[1].inputs["Size"])
+""",
+    )
     with pytest.raises(ValueError, match=r"has nodes that read other files: Import Text\."):
-        import_blend(tmp_path / "reader.blend", Options(blender=NEWER))
+        import_blend(made, Options(blender=NEWER))
 
 
 @newer
 def test_a_bake_that_is_not_packed_is_not_read_from_the_disk(tmp_path):
     """Blender 4.3 and newer look into the folder also where a bake is to be packed."""
-    program = f"""
-import bpy
-tree = bpy.data.node_groups.new("baked", "GeometryNodeTree")
-tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-tree.interface.new_socket("Size", in_out="INPUT", socket_type="NodeSocketFloat")
-chain = [tree.nodes.new(name) for name in ("GeometryNodeMeshCube", "GeometryNodeBake", "NodeGroupOutput")]
-for one, other in zip(chain, chain[1:]):
-    tree.links.new(one.outputs[0], other.inputs[0])
-modifier = bpy.context.object.modifiers.new("baked", "NODES")
-modifier.node_group, modifier.bake_directory, modifier.bake_target = tree, {str(tmp_path / "bakes")!r}, "PACKED"
-bpy.ops.wm.save_as_mainfile(filepath={str(tmp_path / "baked.blend")!r})
-"""
-    subprocess.run([NEWER, "-c", program], check=True, capture_output=True)
-    (tmp_path / "bakes").mkdir()
+    bakes = tmp_path / "bakes"
+    bakes.mkdir()
+    place = f"modifier.bake_directory, modifier.bake_target = {str(bakes)!r}, 'PACKED'"
+    made = saved_by_newer(tmp_path / "baked.blend", ("MeshCube", "Bake"), place)
     with pytest.raises(ValueError, match=r"'Cube' in .* needs .*bakes\. In Blender, make it local"):
-        import_blend(tmp_path / "baked.blend", Options(blender=NEWER))
+        import_blend(made, Options(blender=NEWER))
 
 
 @older
@@ -128,6 +111,25 @@ def test_the_older_blender_of_the_system_builds(stranger):
     made = import_blend(stranger("brackets"), Options(blender=OLDER))
     assert f'blender = "{OLDER}"' in made.path.read_text()
     assert usable_meshes(made.path) == 4
+
+
+def saved_by_newer(path: Path, kinds: tuple[str, ...], change: str) -> Path:
+    """A file of the newer Blender: a cube whose nodes, of these kinds, stand in a row, with a change before saving."""
+    program = f"""
+import bpy
+tree = bpy.data.node_groups.new("made", "GeometryNodeTree")
+tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+tree.interface.new_socket("Size", in_out="INPUT", socket_type="NodeSocketFloat")
+nodes = [tree.nodes.new("GeometryNode" + kind) for kind in {kinds!r}] + [tree.nodes.new("NodeGroupOutput")]
+for one, other in zip(nodes, nodes[1:]):
+    tree.links.new(one.outputs[0], other.inputs[0])
+modifier = bpy.context.object.modifiers.new("made", "NODES")
+modifier.node_group = tree
+{change}
+bpy.ops.wm.save_as_mainfile(filepath={str(path)!r})
+"""
+    subprocess.run([NEWER, "-c", program], check=True, capture_output=True)
+    return path
 
 
 def check_other_blender(folder: Path, program: str) -> None:

@@ -1,28 +1,21 @@
 """A second look: the first candidate is corrected where that agrees better, and is never worse after it."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from boxes import TRUTH, VIEW, among, picture, untrained, with_changes
+from boxes import TRUTH, VIEW, among, picture, with_changes
 
 from dipcg.camera import encode_view
 from dipcg.inference import correct
 from dipcg.inference.again import corrections, improved, look_again
 from dipcg.inference.rank import rank
-from dipcg.pipeline import Estimate, Inverter
+from dipcg.pipeline import Estimate
 from dipcg.workers.process import BuildError
 
 pytestmark = pytest.mark.slow
 START = with_changes(height=0.8, width=0.7)
 BIAS = 0.3
-
-
-@pytest.fixture(scope="module")
-def inverter() -> Iterator[Inverter]:
-    with untrained("box") as inverter:
-        yield inverter
 
 
 @pytest.fixture(scope="module")

@@ -21,12 +21,6 @@ from dipcg.space import Choice, ParameterSpace, Real
 
 
 @pytest.fixture(scope="module")
-def inverter() -> Iterator[Inverter]:
-    with untrained("box") as inverter:
-        yield inverter
-
-
-@pytest.fixture(scope="module")
 def ball(tmp_path_factory) -> Iterator[Inverter]:
     with untrained(write_ball(tmp_path_factory.mktemp("ball"), most=0.9)) as inverter:
         yield inverter

@@ -1,26 +1,18 @@
 """Searching on from a candidate, on boxes."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from boxes import BOX, TRUTH, among, picture, untrained, with_changes
+from boxes import BOX, TRUTH, among, picture, with_changes
 
 from dipcg.inference.rank import rank
 from dipcg.inference.refine import PATIENCE, refine
-from dipcg.pipeline import Inverter
 
 pytestmark = pytest.mark.slow
 
 # Seconds; the number of builds ends the search.
 LONG = 1000.0
-
-
-@pytest.fixture(scope="module")
-def inverter() -> Iterator[Inverter]:
-    with untrained("box") as inverter:
-        yield inverter
 
 
 @pytest.fixture(scope="module")

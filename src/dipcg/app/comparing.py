@@ -61,6 +61,12 @@ class Comparing:
         """Begin with a result that the network gives."""
         self.later(asked, partial(self._build_first, asked, result))
 
+    def later(self, asked: Asked, work: Callable[[], None]) -> None:
+        """Do this in one of the threads that compare, when others may wait for it."""
+        # Builds may end after this is closed.
+        with contextlib.suppress(RuntimeError):
+            self._threads.submit(guarded, asked.job, partial(self._work, asked, work))
+
     def close(self) -> None:
         """Stop after what is being done."""
         self._threads.shutdown(cancel_futures=True)
@@ -78,12 +84,6 @@ class Comparing:
         builds = Builds(submit, waiting, lambda built: self.later(asked, partial(then, built)))
         asked.job.watch(builds.cancel)
         builds.start()
-
-    def later(self, asked: Asked, work: Callable[[], None]) -> None:
-        """Do this in one of the threads that compare, when others may wait for it."""
-        # Builds may end after this is closed.
-        with contextlib.suppress(RuntimeError):
-            self._threads.submit(guarded, asked.job, partial(self._work, asked, work))
 
     def _work(self, asked: Asked, work: Callable[[], None]) -> None:
         self._let_others_first(asked)
