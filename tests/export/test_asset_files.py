@@ -1,6 +1,7 @@
 """Written assets, read back: axes, units, parts, surface; and what cannot be written is refused early."""
 
 import os
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -204,6 +205,13 @@ def test_a_usd_file_can_be_written_twice(asset, tmp_path, suffix):
     pytest.importorskip("pxr")
     first = asset.export(tmp_path / f"a{suffix}").read_bytes()
     assert asset.export(tmp_path / f"a{suffix}").read_bytes() == first
+
+
+def test_a_package_of_usd_has_no_date(asset, tmp_path):
+    # Files would differ with the clock; a zip file counts in steps of two seconds.
+    pytest.importorskip("pxr")
+    with zipfile.ZipFile(asset.export(tmp_path / "a.usdz")) as package:
+        assert {entry.date_time for entry in package.infolist()} == {(1980, 1, 1, 0, 0, 0)}
 
 
 @pytest.mark.parametrize("names", [("a part", "a-part"), ("materials", "4 legs")])

@@ -35,5 +35,5 @@ def packed() -> bytes:
     zipped = io.BytesIO()
     with zipfile.ZipFile(zipped, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, path in files.items():
-            archive.writestr(name, path.read_bytes())
+            archive.writestr(zipfile.ZipInfo(name), path.read_bytes(), zipfile.ZIP_DEFLATED)
     return zipped.getvalue()

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import os
 import tempfile
+import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -55,7 +57,15 @@ def _write_package(scene: Scene, path: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         layer = Path(folder) / f"{_identifier(scene.name)}.usdc"
         write_usd(scene, layer)
+        _without_date(Path(folder))
         _save(partial(UsdUtils.CreateNewUsdzPackage, Sdf.AssetPath(str(layer))), path)
+
+
+def _without_date(folder: Path) -> None:
+    """Set all files to the first date that a zip file knows: a package copies dates, equal assets are equal bytes."""
+    first = time.mktime((1980, 1, 1, 0, 0, 0, 0, 0, -1))
+    for path in folder.rglob("*"):
+        os.utime(path, (first, first))
 
 
 def _save(save: Callable[[str], bool], path: Path) -> None:
