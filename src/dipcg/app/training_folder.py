@@ -18,6 +18,8 @@ from dipcg.model.zoo import CARD
 
 Task = Literal["propose", "edit", "learn"]
 State = Literal["waiting", "proposing", "proposed", "learning", "stopping", "stopped", "done", "failed"]
+# The files of its folder: what is wanted, how far it is, what was found, and the ranges before any edit.
+ORDER, STATUS, FOUND, PROPOSED = "order.json", "status.json", "found.json", "proposed.toml"
 # The states in which something is done, or will be.
 WORKING: tuple[State, ...] = ("waiting", "proposing", "learning", "stopping")
 
@@ -38,23 +40,28 @@ class Training:
     @property
     def order(self) -> dict[str, Any]:
         """What is wanted: `task`, whether it is `active`, and its settings; raises NoTraining once it is removed."""
-        if not (order := _read(self.folder / "order.json")):
+        if not (order := _read(self.folder / ORDER)):
             raise NoTraining
         return order
 
     @property
     def status(self) -> dict[str, Any]:
         """What its process has last said."""
-        return _read(self.folder / "status.json")
+        return _read(self.folder / STATUS)
 
     @property
     def found(self) -> dict[str, Any]:
         """What the source was found to be: values of its parameters, what is left out, and notes."""
-        return _read(self.folder / "found.json")
+        return _read(self.folder / FOUND)
 
     @property
     def checkpoint(self) -> Path:
         return self.folder / "checkpoint"
+
+    @property
+    def proposed(self) -> Path:
+        """The file with the ranges that were proposed."""
+        return self.folder / PROPOSED
 
     @property
     def toml(self) -> Path:
@@ -63,15 +70,15 @@ class Training:
 
     def write(self, **changes: Any) -> None:
         """Change what is wanted."""
-        write_file(self.folder / "order.json", json.dumps(self.order | changes))
+        write_file(self.folder / ORDER, json.dumps(self.order | changes))
 
     def set_error(self, sentence: str | None) -> None:
         """Say what went wrong, or that nothing did, beside what its process has said."""
-        write_file(self.folder / "status.json", json.dumps(self.status | {"error": sentence}))
+        write_file(self.folder / STATUS, json.dumps(self.status | {"error": sentence}))
 
     def begin(self, task: Task, **settings: Any) -> None:
         """Want a task done; what was said of the last one goes."""
-        (self.folder / "status.json").unlink(missing_ok=True)
+        (self.folder / STATUS).unlink(missing_ok=True)
         self.write(task=task, active=True, **settings)
 
     def state(self, running: bool) -> State:
@@ -106,7 +113,7 @@ def create(folder: Path, name: str, number: int, file: str, object: str, modifie
     (folder / SOURCE).rename(folder / stored)
     order = {"name": name, "file": stored, "given": file, "object": object, "modifier": modifier, "number": number}
     order |= {"ranges": {}, "hold": [], "shapes": 0, "minutes": 0.0, "task": "propose", "active": False}
-    write_file(folder / "order.json", json.dumps(order))
+    write_file(folder / ORDER, json.dumps(order))
     return Training(folder)
 
 

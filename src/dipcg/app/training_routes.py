@@ -161,10 +161,9 @@ def _drawn(samples: Path) -> list[str]:
 
 def _parameters(training: Training, order: dict, values: dict[str, str]) -> list[Proposed]:
     """What was proposed, with the edits."""
-    proposed = training.folder / "proposed.toml"
-    if not proposed.is_file() or not values:
+    if not training.proposed.is_file() or not values:
         return []
-    return [_proposed(name, entry, values, order) for name, entry in read_parameters(proposed).items()]
+    return [_proposed(name, entry, values, order) for name, entry in read_parameters(training.proposed).items()]
 
 
 def _proposed(name: str, entry: dict, values: dict[str, str], order: dict) -> Proposed:

@@ -17,7 +17,7 @@ from dipcg.app.jobs import Busy
 from dipcg.app.limits import MOST_TRAININGS
 from dipcg.app.sources import check_name
 from dipcg.app.studio import Studio
-from dipcg.app.training_folder import WORKING, NoTraining, State, Training, create, free_name
+from dipcg.app.training_folder import ORDER, WORKING, NoTraining, State, Training, create, free_name
 from dipcg.app.training_queue import Queue
 from dipcg.importing.editing import edited, read_parameters
 from dipcg.importing.program import allow_program
@@ -62,7 +62,7 @@ class Trainings:
         if self._folder is None:
             return []
         with self.changed:
-            found = [Training(order.parent) for order in self._folder.glob("*/order.json")]
+            found = [Training(order.parent) for order in self._folder.glob(f"*/{ORDER}")]
             return sorted(found, key=lambda training: training.order["number"])
 
     def get(self, name: str) -> Training:
@@ -137,7 +137,7 @@ class Trainings:
 
     def _proposed(self, training: Training) -> dict[str, dict[str, Any]]:
         try:
-            return read_parameters(training.folder / "proposed.toml")
+            return read_parameters(training.proposed)
         except OSError:
             raise ValueError("There are no proposed ranges yet.") from None
 

@@ -76,17 +76,13 @@ def evaluate(
     from dipcg.export.asset import check_target
     from dipcg.pipeline import Inverter
 
-    if (data is None) == (pairs is None):
-        raise ValueError("Give one of --data and --pairs.")
-    if perfect_reader and data is None:
-        raise ValueError("--perfect-reader needs the true parameters and cameras of a data set (--data).")
+    _check_sources(data, pairs, perfect_reader)
+    _check_pictures(pictures, (pairs, meshes))
     if nearest_of < 0:
         raise ValueError(f"--nearest-of is a number of shapes, 0 for none, got {nearest_of}.")
     if json is not None:
         check_target(json, (".json",))
     check_outputs((json,), (generator, data, *(pairs or Path()).glob("*.json")))
-    if pictures is not None and any(folder and pictures.resolve() == folder.resolve() for folder in (pairs, meshes)):
-        raise ValueError(f"{pictures} holds what is read; choose another folder for the pictures.")
     metric = metric or (PAPER_METRICS if protocol == "paper" else ())
     if meshes is not None or pictures is not None:
         return _external(
@@ -101,6 +97,18 @@ def evaluate(
     print(f"{table(measured)}\n\n{differences(measured)}")
     if json:
         write_file(json, jsons.dumps(measured.to_dict(), indent=1))
+
+
+def _check_sources(data: Path | None, pairs: Path | None, perfect_reader: bool) -> None:
+    if (data is None) == (pairs is None):
+        raise ValueError("Give one of --data and --pairs.")
+    if perfect_reader and data is None:
+        raise ValueError("--perfect-reader needs the true parameters and cameras of a data set (--data).")
+
+
+def _check_pictures(pictures: Path | None, read: tuple[Path | None, ...]) -> None:
+    if pictures is not None and any(folder and pictures.resolve() == folder.resolve() for folder in read):
+        raise ValueError(f"{pictures} holds what is read; choose another folder for the pictures.")
 
 
 def _external(

@@ -18,6 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from dipcg.app.training_folder import ORDER, STATUS
 from dipcg.cli.stages import Order, Report, edit, learn, propose
 from dipcg.files import locked, write_file
 from dipcg.importing.program import allow_program
@@ -32,7 +33,7 @@ TASKS: dict[str, Callable[[Path, Order, Report], None]] = {"propose": propose, "
 
 def main(folder: Path, blender: str = "") -> None:
     """Do what is wanted in a folder; the status has the sentence of an error."""
-    order = json.loads((folder / "order.json").read_text()) | {"blender": blender}
+    order = json.loads((folder / ORDER).read_text()) | {"blender": blender}
     report = Status(folder)
     try:
         with locked(folder, "works"):
@@ -54,7 +55,7 @@ class Status:
     """Writes the progress to `status.json`, at most once in a second."""
 
     def __init__(self, folder: Path) -> None:
-        self._path, self._written = folder / "status.json", 0.0
+        self._path, self._written = folder / STATUS, 0.0
         self._now: dict[str, Any] = {"share": 0.0, "note": "Starting", "finished": "", "error": None}
         self.write()
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from dipcg.app.training_folder import FOUND, PROPOSED
 from dipcg.files import write_file
 
 Order = dict[str, Any]
@@ -25,12 +26,12 @@ START = "chair"
 
 def propose(folder: Path, order: Order, report: Report) -> None:
     """Propose parameters and ranges, and draw samples."""
-    source, toml, proposed = folder / order["file"], _toml(folder, order), folder / "proposed.toml"
+    source, toml, proposed = folder / order["file"], _toml(folder, order), folder / PROPOSED
     toml.unlink(missing_ok=True)
     made = _imported(source, order, toml, report)
     shutil.copy(toml, proposed)
     values = {row.name: row.value for row in made.rows}
-    write_file(folder / "found.json", json.dumps({"values": values, "left_out": made.left_out, "notes": made.notes}))
+    write_file(folder / FOUND, json.dumps({"values": values, "left_out": made.left_out, "notes": made.notes}))
     _draw_samples(folder, toml, report)
 
 
@@ -38,7 +39,7 @@ def edit(folder: Path, order: Order, report: Report) -> None:
     """Take edited ranges, and draw samples; what was learned with other ranges goes."""
     from dipcg.importing.editing import edited, read_parameters, write_edited
 
-    proposed = folder / "proposed.toml"
+    proposed = folder / PROPOSED
     entries = edited(read_parameters(proposed), order["ranges"], order["hold"])
     for made in ("data", "checkpoint"):
         shutil.rmtree(folder / made, ignore_errors=True)
