@@ -30,7 +30,8 @@ def main() -> None:
     torch.set_num_threads(1)
     views = [view for folder in args.data for view in render_views(folder, "train", args.views)]
     print(f"{len(views)} views", flush=True)
-    about = {"made by": "python -m benchmarks segmenter", "views": len(views)}
+    about = {"made by": "python -m benchmarks segmenter", "data": ", ".join(Path(folder).name for folder in args.data)}
+    about |= {"views": len(views)}
     losses: list[float] = []
 
     def report(step: int, loss: float) -> None:
