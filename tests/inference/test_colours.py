@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 import trimesh
@@ -140,3 +141,12 @@ def test_the_studio_shows_materials_and_a_shadow_on_the_floor(asset):
     shadow = picture[(picture[..., 3] > 20) & (picture[..., 3] < 200)]
     assert len(shadow) > 100
     assert (shadow[:, :3].max(1) < 128).mean() > 0.5
+
+
+def test_the_shadow_on_the_floor_has_no_stripes(asset):
+    # Each of its lights has a hard edge of its own.
+    alpha = draw(asset.mesh, asset.materials, VIEW, 192)[..., 3].astype(int)
+    floor = cv2.erode((alpha < 200).astype(np.uint8), np.ones((5, 5))) > 0
+    across = np.abs(np.diff(alpha, axis=1))[floor[:, 1:] & floor[:, :-1]]
+    assert alpha[floor].max() > 60
+    assert across.max() < 12

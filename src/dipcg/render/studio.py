@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Bool, Float, Float32, UInt8
 
 from dipcg.camera import View, fit, world_to_camera
 from dipcg.materials import Finish, linear, srgb
@@ -32,6 +32,8 @@ SHADOW_SIDE, FINER = 512, 2
 LIFT = 0.006
 # The shadow on the floor has faded so many longest sides from the middle, and is lighter than a real one.
 FLOOR, FLOOR_SHADE = 1.4, 0.6
+# The blur of the shadow on the floor, as a share of the picture's side: single shadows would show as stripes.
+FLOOR_BLUR = 0.012
 
 
 def draw(
@@ -162,11 +164,21 @@ def _from_light(mesh: Mesh, direction: Float[np.ndarray, "3"]) -> Float[np.ndarr
 def _finished(light: Float[np.ndarray, "n n 4"], size: int) -> UInt8[np.ndarray, "size size 4"]:
     """The picture with straight alpha: the object in sRGB over its black shadow."""
     object_ = light[..., 3:] < 0
-    alpha = np.where(object_, 1, FLOOR_SHADE * np.clip(light[..., 3:], 0, 1))
+    alpha = np.where(object_, 1, FLOOR_SHADE * _blurred(light[..., 3:].clip(0, 1), ~object_))
     premultiplied = np.concatenate([np.where(object_, srgb(EXPOSURE * light[..., :3]), 0), alpha], 2)
     small = premultiplied.reshape(size, FINER, size, FINER, 4).mean((1, 3))
     straight = small[..., :3] / np.maximum(small[..., 3:], 1e-6)
     return np.rint(255 * np.clip(np.concatenate([straight, small[..., 3:]], 2), 0, 1)).astype(np.uint8)
+
+
+def _blurred(missing: Float[np.ndarray, "n n 1"], floor: Bool[np.ndarray, "n n 1"]) -> Float[np.ndarray, "n n 1"]:
+    """The light that is missing on the floor, blurred; what the object hides of the floor does not count."""
+    import cv2
+
+    shares = floor.astype(np.float32)
+    both = np.concatenate([missing * shares, shares], 2)
+    sums = cv2.GaussianBlur(both, (0, 0), FLOOR_BLUR * len(missing))
+    return sums[..., :1] / np.maximum(sums[..., 1:], 1e-3)
 
 
 _VERTEX = """
