@@ -280,6 +280,11 @@ def test_the_manifest_has_the_version_of_the_package() -> None:
     assert tomllib.loads(manifest)["version"] == dipcg.__version__
 
 
+def test_the_zip_file_has_no_dates() -> None:
+    with zipfile.ZipFile(BytesIO(packed())) as archive:
+        assert {entry.date_time for entry in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
+
+
 def test_the_zip_is_a_valid_extension(tmp_path) -> None:
     (tmp_path / "dipcg.zip").write_bytes(packed())
     # The command `blender --command extension` runs this program.

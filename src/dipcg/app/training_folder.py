@@ -55,8 +55,17 @@ class Training:
         return _read(self.folder / FOUND)
 
     @property
+    def data(self) -> Path:
+        return self.folder / "data"
+
+    @property
     def checkpoint(self) -> Path:
         return self.folder / "checkpoint"
+
+    @property
+    def samples(self) -> Path:
+        """The folder of the pictures of random samples."""
+        return self.folder / "samples"
 
     @property
     def proposed(self) -> Path:

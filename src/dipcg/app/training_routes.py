@@ -101,7 +101,7 @@ async def get_training_events(training: One, every: All) -> AsyncIterator[Traini
 def get_sample(training: One, number: int) -> Response:
     """A picture of a random sample, as PNG."""
     try:
-        picture = (training.folder / "samples" / f"{number}.png").read_bytes()
+        picture = (training.samples / f"{number}.png").read_bytes()
     except FileNotFoundError:
         raise HTTPException(404, "There is no such sample.") from None
     return Response(picture, media_type="image/png")
@@ -146,7 +146,7 @@ def _answer(training: Training, every: Trainings) -> TrainingAnswer:
         parameters=_parameters(training, order, found.get("values", {})),
         left_out=found.get("left_out", {}),
         notes=found.get("notes", []),
-        samples=[f"/api/v1/trainings/{training.id}/samples/{name}" for name in _drawn(training.folder / "samples")],
+        samples=[f"/api/v1/trainings/{training.id}/samples/{name}" for name in _drawn(training.samples)],
     )
 
 

@@ -16,7 +16,8 @@ from dipcg.files import write_file
 
 if TYPE_CHECKING:
     from dipcg.evaluation.baselines import Shape
-    from dipcg.evaluation.evaluate import Case
+    from dipcg.evaluation.evaluate import Case, Plan
+    from dipcg.evaluation.tables import Table
     from dipcg.evaluation.topology import Topology
     from dipcg.pipeline import Inverter
 
@@ -70,45 +71,59 @@ def evaluate(
         pictures: folder for the pictures, as NAME.png
         json: file for the table as JSON
     """
-    from dipcg.cli.terminal import bar, differences, table
+    from dipcg.cli.terminal import differences, table
     from dipcg.evaluation.evaluate import Plan
-    from dipcg.evaluation.evaluate import evaluate as measure
-    from dipcg.export.asset import check_target
     from dipcg.pipeline import Inverter
 
-    _check_sources(data, pairs, perfect_reader)
-    _check_pictures(pictures, (pairs, meshes))
-    if nearest_of < 0:
-        raise ValueError(f"--nearest-of is a number of shapes, 0 for none, got {nearest_of}.")
-    if json is not None:
-        check_target(json, (".json",))
-    check_outputs((json,), (generator, data, *(pairs or Path()).glob("*.json")))
+    _check_sources(data, pairs, perfect_reader, nearest_of)
+    _check_targets(json, pictures, (pairs, meshes), (generator, data, *(pairs or Path()).glob("*.json")))
     metric = metric or (PAPER_METRICS if protocol == "paper" else ())
     if meshes is not None or pictures is not None:
         return _external(
             _cases(protocol, data, pairs, prefix or generator, count), meshes, pictures, count, metric, json
         )
     with Inverter.load(generator, workers=2) as inverter:
-        cases, done = _cases(protocol, data, pairs, prefix or inverter.generator.name, count), counter(1)
+        cases = _cases(protocol, data, pairs, prefix or inverter.generator.name, count)
         shapes, turns = _random_shapes(inverter, data, nearest_of), pairs is not None and protocol == "ours"
         plan = Plan(candidates, steps, turns, metric, rank, refine, perfect_reader, shapes)
-        with bar("measuring", count) as update:
-            measured = measure(inverter, cases, plan, lambda case: update(next(done), case.name))
+        measured = _measured(inverter, cases, plan, count)
     print(f"{table(measured)}\n\n{differences(measured)}")
     if json:
         write_file(json, jsons.dumps(measured.to_dict(), indent=1))
 
 
-def _check_sources(data: Path | None, pairs: Path | None, perfect_reader: bool) -> None:
+def _check_sources(data: Path | None, pairs: Path | None, perfect_reader: bool, nearest_of: int) -> None:
     if (data is None) == (pairs is None):
         raise ValueError("Give one of --data and --pairs.")
     if perfect_reader and data is None:
         raise ValueError("--perfect-reader needs the true parameters and cameras of a data set (--data).")
+    if nearest_of < 0:
+        raise ValueError(f"--nearest-of is a number of shapes, 0 for none, got {nearest_of}.")
 
 
-def _check_pictures(pictures: Path | None, read: tuple[Path | None, ...]) -> None:
-    if pictures is not None and any(folder and pictures.resolve() == folder.resolve() for folder in read):
+def _check_targets(
+    json: Path | None,
+    pictures: Path | None,
+    folders: tuple[Path | None, ...],
+    inputs: tuple[str | Path | None, ...],
+) -> None:
+    """Raise ValueError when the table or the pictures would replace what is read, before any work is done."""
+    from dipcg.export.asset import check_target
+
+    if json is not None:
+        check_target(json, (".json",))
+    check_outputs((json,), inputs)
+    if pictures is not None and any(folder and pictures.resolve() == folder.resolve() for folder in folders):
         raise ValueError(f"{pictures} holds what is read; choose another folder for the pictures.")
+
+
+def _measured(inverter: Inverter, cases: Iterator[Case], plan: Plan, count: int) -> Table:
+    from dipcg.cli.terminal import bar
+    from dipcg.evaluation.evaluate import evaluate
+
+    done = counter(1)
+    with bar("measuring", count) as update:
+        return evaluate(inverter, cases, plan, lambda case: update(next(done), case.name))
 
 
 def _external(

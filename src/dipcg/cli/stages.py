@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from dipcg.app.training_folder import FOUND, PROPOSED
+from dipcg.app.training_folder import FOUND, Training
+from dipcg.app.uploads import GIVEN
 from dipcg.files import write_file
 
 Order = dict[str, Any]
@@ -26,25 +27,26 @@ START = "chair"
 
 def propose(folder: Path, order: Order, report: Report) -> None:
     """Propose parameters and ranges, and draw samples."""
-    source, toml, proposed = folder / order["file"], _toml(folder, order), folder / PROPOSED
+    training = Training(folder)
+    toml = training.toml
     toml.unlink(missing_ok=True)
-    made = _imported(source, order, toml, report)
-    shutil.copy(toml, proposed)
+    made = _imported(folder / order["file"], order, toml, report)
+    shutil.copy(toml, training.proposed)
     values = {row.name: row.value for row in made.rows}
     write_file(folder / FOUND, json.dumps({"values": values, "left_out": made.left_out, "notes": made.notes}))
-    _draw_samples(folder, toml, report)
+    _draw_samples(training, report)
 
 
 def edit(folder: Path, order: Order, report: Report) -> None:
     """Take edited ranges, and draw samples; what was learned with other ranges goes."""
     from dipcg.importing.editing import edited, read_parameters, write_edited
 
-    proposed = folder / PROPOSED
-    entries = edited(read_parameters(proposed), order["ranges"], order["hold"])
-    for made in ("data", "checkpoint"):
-        shutil.rmtree(folder / made, ignore_errors=True)
-    write_edited(_toml(folder, order), proposed, entries)
-    _draw_samples(folder, _toml(folder, order), report)
+    training = Training(folder)
+    entries = edited(read_parameters(training.proposed), order["ranges"], order["hold"])
+    for made in (training.data, training.checkpoint):
+        shutil.rmtree(made, ignore_errors=True)
+    write_edited(training.toml, training.proposed, entries)
+    _draw_samples(training, report)
 
 
 def learn(folder: Path, order: Order, report: Report) -> None:
@@ -55,7 +57,7 @@ def learn(folder: Path, order: Order, report: Report) -> None:
     from dipcg.training.train import Status as Trained
     from dipcg.training.train import train
 
-    data, checkpoint, count = folder / "data", folder / "checkpoint", order["shapes"]
+    training, count = Training(folder), order["shapes"]
     settings = TrainConfig(minutes=order["minutes"], start=START if START in shipped() else "")
 
     def built(progress: Progress) -> None:
@@ -65,8 +67,8 @@ def learn(folder: Path, order: Order, report: Report) -> None:
         note = f"Training: loss {status.loss:.3f}, {status.pictures_per_s:.0f} pictures per second"
         report(DATA_SHARE + (1 - DATA_SHARE) * status.share, note)
 
-    build_dataset(str(_toml(folder, order)), data, count, executor=Local(WORKERS), report=built)
-    train(data, checkpoint, settings, ModelConfig(), trained)
+    build_dataset(str(training.toml), training.data, count, executor=Local(WORKERS), report=built)
+    train(training.data, training.checkpoint, settings, ModelConfig(), trained)
 
 
 def _imported(source: Path, order: Order, toml: Path, report: Report) -> Any:
@@ -84,7 +86,6 @@ def _imported(source: Path, order: Order, toml: Path, report: Report) -> Any:
 
 
 def _from_blend(source: Path, order: Order, toml: Path, report: Report) -> Any:
-    from dipcg.app.uploads import GIVEN
     from dipcg.importing.blend import Options, import_blend
     from dipcg.importing.given import take_given
     from dipcg.importing.program import program_for
@@ -97,11 +98,7 @@ def _from_blend(source: Path, order: Order, toml: Path, report: Report) -> Any:
     return import_blend(source, options, toml, lambda count: report(0.0, f"Trying ranges: {count} builds"))
 
 
-def _toml(folder: Path, order: Order) -> Path:
-    return folder / f"{order['name']}.toml"
-
-
-def _draw_samples(folder: Path, toml: Path, report: Report) -> None:
+def _draw_samples(training: Training, report: Report) -> None:
     """Pictures of random samples; those that cannot be built are left out."""
     from dipcg.generators import load_generator
     from dipcg.images import MARGIN, save_image
@@ -109,10 +106,10 @@ def _draw_samples(folder: Path, toml: Path, report: Report) -> None:
     from dipcg.render import Renderer
     from dipcg.workers.pool import BuildPool
 
-    pictures, renderer = folder / "samples", Renderer(SIDE)
+    pictures, renderer = training.samples, Renderer(SIDE)
     shutil.rmtree(pictures, ignore_errors=True)
     pictures.mkdir()
-    generator = load_generator(str(toml))
+    generator = load_generator(str(training.toml))
     rng = np.random.default_rng()
     with BuildPool(generator, WORKERS) as pool, contextlib.closing(renderer):
         many = [generator.space.sample(rng) for _ in range(SAMPLES)]
