@@ -206,3 +206,11 @@ def test_a_process_that_dies_is_a_sentence(client, folder) -> None:
     assert "ended by itself" in last(client, training)["error"]
     client.learn(training, shapes=40, minutes=0.1)
     assert last(client, training)["state"] == "done"
+
+
+def test_a_process_that_ends_before_it_says_anything_is_an_error(client, monkeypatch):
+    # A program that prints a poem and ends.
+    monkeypatch.setattr(training_queue, "PROGRAM", "this")
+    training = client_of_block(client)
+    assert training["state"] == "failed"
+    assert (training["share"], training["note"], training["error"]) == (0.0, "", training_queue.ENDED)

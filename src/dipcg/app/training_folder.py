@@ -46,8 +46,8 @@ class Training:
 
     @property
     def status(self) -> dict[str, Any]:
-        """What its process has last said."""
-        return _read(self.folder / STATUS)
+        """What its process has last said; it may end before it says anything."""
+        return {"share": 0.0, "note": "", "error": None} | _read(self.folder / STATUS)
 
     @property
     def found(self) -> dict[str, Any]:

@@ -142,7 +142,7 @@ def _answer(training: Training, every: Trainings) -> TrainingAnswer:
         file=order["given"],
         state=every.state(training),
         **{key: order[key] for key in ("object", "modifier", "shapes", "minutes")},
-        **{key: status[key] for key in ("share", "note", "error") if key in status} or {"share": 0.0, "note": ""},
+        **{key: status[key] for key in ("share", "note", "error")},
         parameters=_parameters(training, order, found.get("values", {})),
         left_out=found.get("left_out", {}),
         notes=found.get("notes", []),
