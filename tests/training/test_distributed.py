@@ -1,4 +1,4 @@
-"""Distributed training: several processes give the same weights as one process with all their pictures."""
+"""Distributed training: several processes give the weights of one process with all their pictures, and go on later."""
 
 import subprocess
 import sys
@@ -21,8 +21,12 @@ SHARE = """
 import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
-from test_distributed import learn
+from test_distributed import STEPS, again, learn
 run = learn(Path(sys.argv[1]))
+if run.processes.is_main:
+    run.save()
+run.processes.broadcast(0.0)
+assert again(Path(sys.argv[1])).counters["step"] == STEPS
 import torch
 torch.save(run.model.state_dict(), f"{sys.argv[1]}/{run.processes.rank}.pt")
 """
@@ -31,8 +35,7 @@ torch.save(run.model.state_dict(), f"{sys.argv[1]}/{run.processes.rank}.pt")
 def learn(out) -> Run:
     """Train for a few steps on the share of this process in batches that are the same for all processes."""
     torch.manual_seed(0)
-    box = load_generator("box")
-    run = Run(build_estimator(box.space, SENTENCES), TrainConfig(device="cpu"), out, box)
+    run = again(out)
     for step in range(STEPS):
         torch.manual_seed(step)
         whole = Batch(torch.randn(2 * BATCH, 96, 384), torch.rand(2 * BATCH, 12) * 2 - 1, torch.ones(2 * BATCH, 8) > 0)
@@ -45,7 +48,13 @@ def learn(out) -> Run:
     return run
 
 
-def test_two_processes_train_the_same_weights_as_one(tmp_path):
+def again(out) -> Run:
+    """The run in a folder, as it was saved."""
+    box = load_generator("box")
+    return Run(build_estimator(box.space, SENTENCES), TrainConfig(device="cpu"), out, box)
+
+
+def test_two_processes_train_the_same_weights_as_one_and_go_on_where_they_were(tmp_path):
     pytest.importorskip("accelerate")
     (tmp_path / "share.py").write_text(SHARE)
     tests = __file__.rsplit("/", 1)[0]
@@ -55,7 +64,7 @@ def test_two_processes_train_the_same_weights_as_one(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     first, second = (torch.load(tmp_path / f"{rank}.pt") for rank in (0, 1))
-    alone = learn(tmp_path).model.state_dict()
+    alone = learn(tmp_path / "alone").model.state_dict()
     for name, weight in alone.items():
         torch.testing.assert_close(first[name], second[name], rtol=0, atol=0)
         torch.testing.assert_close(first[name], weight, rtol=2e-2, atol=2e-3)

@@ -43,11 +43,7 @@ def save_state(
 
 
 def load_state(
-    folder: Path,
-    networks: dict[str, nn.Module],
-    optimisers: dict[str, torch.optim.Optimizer],
-    settings: Settings,
-    device: torch.device,
+    folder: Path, networks: dict[str, nn.Module], optimisers: dict[str, torch.optim.Optimizer], settings: Settings
 ) -> dict[str, Any]:
     """Read the state into networks and optimisers, and return the counters; none where there is no state.
 
@@ -59,7 +55,7 @@ def load_state(
     # A state of version 0.1.0 does not say on which data it was trained.
     before = {part: counters.pop(part) for part in settings if part in counters}
     _check_same(folder, before, {part: settings[part] for part in before})
-    tensors = load_file(folder / WEIGHTS, device=str(device))
+    tensors = load_file(folder / WEIGHTS)
     for name, network in networks.items():
         network.load_state_dict(_under(f"{name}.", tensors))
     for name, optimiser in optimisers.items():

@@ -140,7 +140,7 @@ class Run:
             "averaged": 0,
             "best": {},
         }
-        self.counters |= load_state(out, self._networks, self.optimisers, self.settings, self.device)
+        self.counters |= load_state(out, self._networks, self.optimisers, self.settings)
         compile_networks(config, self.model, self.device)
         if self.share >= 1:
             raise ValueError(f"The run in {out} is finished; give a larger budget (--pictures) or another folder (-o).")
