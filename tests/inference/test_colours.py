@@ -83,6 +83,19 @@ def test_a_thin_part_beside_its_picture_takes_nothing_of_ground_that_the_cut_out
     assert "bar" in found or generator == "chair"
 
 
+def chair(off: float = 0.0) -> Mesh:
+    """A thick back, and two thin legs of the same family that may stand a little beside their place."""
+    back, leg = trimesh.creation.box([0.7, 0.1, 0.5]), trimesh.creation.box([0.027, 0.027, 0.6])
+    legs = [leg.vertices + [side + off, 0, -0.5] for side in (-0.3, 0.3)]
+    return join([("back", back.vertices, back.faces), *(("leg", vertices, leg.faces) for vertices in legs)])
+
+
+@pytest.mark.parametrize("off", [0.0, 0.02, 0.04])
+def test_thin_legs_of_a_chair_have_their_own_colour_where_the_ground_can_be_told(off):
+    picture = picture_of(chair(), {"back": (0.8, 0.75, 0.7), "leg": RED})
+    np.testing.assert_allclose(photo_colours(picture, chair(off), VIEW, "chair", WHITE)["leg"], RED, atol=0.03)
+
+
 def test_an_object_as_pale_as_the_ground_keeps_its_colour():
     mesh, pale = stool(), (0.97, 0.96, 0.95)
     found = photo_colours(picture_of(mesh, dict.fromkeys(mesh.part_names, pale)), mesh, VIEW, "chair", WHITE)

@@ -21,6 +21,8 @@ Colours = Literal["photo", "material", "parts"]
 SIDE = 256
 # Half of the width in pixels from which a part is surely met; less where pixels of the ground can be told.
 THICK, THICK_ON_GROUND = 3.5, 2.5
+# Where pixels of the ground can be told, a thin part is surely met too when this share of its pixels is found.
+FOUND = 0.4
 
 
 def with_colours(asset: Asset, estimate: Estimate | None = None, colours: Colours = "photo") -> Asset:
@@ -52,7 +54,7 @@ def photo_colours(
     """For each part that is seen the median colour of the pixels that show it, as `samples` finds them.
 
     A thin part, which an estimate that is a little off shows beside itself, counts as seen only where no part of its
-    family is thicker, and one that may show the `ground` only where none of its family surely shows itself. Where the
+    family is thicker, unless the `ground` is known and enough of its pixels are not ground; and one that may show the `ground` only where none of its family surely shows itself. Where the
     estimate does not meet the object in the photograph, no part is seen.
     """
     picture = prepare(np.ascontiguousarray(image), SIDE)[0]
@@ -68,7 +70,10 @@ def _sure(found: dict[str, Sample], generator: str, ground: Colour | None) -> di
     left = {name: one for name, one in found.items() if not (one.doubtful and kinds[name] in clear)}
     thickest = {kind: max(one.half for name, one in left.items() if kinds[name] == kind) for kind in kinds.values()}
     thick = THICK if ground is None else THICK_ON_GROUND
-    return {name: one for name, one in left.items() if one.half >= min(thick, thickest[kinds[name]])}
+    found_beside = {name for name, one in left.items() if ground is not None and one.share >= FOUND}
+    return {
+        name: one for name, one in left.items() if name in found_beside or one.half >= min(thick, thickest[kinds[name]])
+    }
 
 
 def _drawn(mesh: Mesh, view: View) -> Int[np.ndarray, "s s"]:

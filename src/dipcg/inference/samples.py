@@ -34,6 +34,8 @@ class Sample:
     where: Where
     half: float
     doubtful: bool
+    share: float
+    """how many pixels show it, relative to how many should"""
 
 
 Found = dict[int, Sample]
@@ -67,11 +69,11 @@ def _sample(own: Where, beside: Where, pale: Where, drawn: int) -> Sample | None
     near = np.zeros_like(own) if half >= WIDE else beside
     clear = (own & ~pale) | near
     if clear.sum() >= max(LEAST_PIXELS, own.sum() / (2 if half >= WIDE else 4)):
-        return Sample(clear, half, doubtful=False)
+        return Sample(clear, half, False, clear.sum() / drawn)
     # What the cut-out holds only in pieces is no part, but ground that was left in it.
     if own.sum() < max(LEAST_PIXELS, drawn / 2 if pale.any() else 0):
         return None
-    return Sample(own, half, doubtful=half < WIDE)
+    return Sample(own, half, half < WIDE, own.sum() / drawn)
 
 
 def _half_width(where: Where) -> float:
