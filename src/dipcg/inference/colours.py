@@ -53,9 +53,10 @@ def photo_colours(
 ) -> dict[str, Colour]:
     """For each part that is seen the median colour of the pixels that show it, as `samples` finds them.
 
-    A thin part, which an estimate that is a little off shows beside itself, counts as seen only where no part of its
-    family is thicker, unless the `ground` is known and enough of its pixels are not ground; and one that may show the `ground` only where none of its family surely shows itself. Where the
-    estimate does not meet the object in the photograph, no part is seen.
+    A thin part, which an estimate that is a little off shows beside itself, counts as seen where no part of its family
+    is thicker, or where the `ground` is known and enough of the part's pixels are not ground. One that may show the
+    ground counts only where none of its family surely shows itself. Where the estimate does not meet the object in the
+    photograph, no part is seen.
     """
     picture = prepare(np.ascontiguousarray(image), SIDE)[0]
     found = samples(picture, _drawn(mesh, view), len(mesh.part_names), ground)
@@ -64,16 +65,14 @@ def photo_colours(
 
 
 def _sure(found: dict[str, Sample], generator: str, ground: Colour | None) -> dict[str, Sample]:
-    """The parts that are thick, or the thickest of their family; those in doubt only where all of the family are."""
+    """The parts that are thick, the thickest of their family, or found; those in doubt only where all of it are."""
     kinds = {name: kind if (kind := family(generator, name)) != NEUTRAL else name for name in found}
     clear = {kinds[name] for name, one in found.items() if not one.doubtful}
     left = {name: one for name, one in found.items() if not (one.doubtful and kinds[name] in clear)}
     thickest = {kind: max(one.half for name, one in left.items() if kinds[name] == kind) for kind in kinds.values()}
     thick = THICK if ground is None else THICK_ON_GROUND
-    found_beside = {name for name, one in left.items() if ground is not None and one.share >= FOUND}
-    return {
-        name: one for name, one in left.items() if name in found_beside or one.half >= min(thick, thickest[kinds[name]])
-    }
+    met = {name for name, one in left.items() if ground is not None and one.share >= FOUND}
+    return {name: one for name, one in left.items() if name in met or one.half >= min(thick, thickest[kinds[name]])}
 
 
 def _drawn(mesh: Mesh, view: View) -> Int[np.ndarray, "s s"]:
