@@ -23,8 +23,10 @@ def test_with_a_limit_of_time_the_clock_counts_where_it_is_further_on():
 
 def test_pictures_grow_to_the_full_size_and_the_denoiser_sees_no_other():
     plan = schedule(denoiser_share=0.2)
-    sizes = [plan.size(share) for share in (0.0, 0.4, 0.7, 0.79, 0.8, 1.0)]
+    sizes = [plan.size(share) for share in (0.0, 0.2, 0.4, 0.79, 0.8, 1.0)]
     assert sizes == [64, 96, 128, 128, 128, 128]
+    first_at_full_size = next(share / 100 for share in range(100) if plan.size(share / 100) == 128)
+    assert plan.rate(first_at_full_size) > 0.5
     assert [schedule(grows=False).size(share) for share in (0.0, 0.5)] == [128, 128]
 
 

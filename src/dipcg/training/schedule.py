@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 from dipcg.config import TrainConfig
 
-# Pictures grow in these steps: from a share of the first stage on, they have this share of their final size.
-GROWTH = ((0.0, 0.5), (0.4, 0.75), (0.75, 1.0))
+# Pictures grow in these steps: from a share of the first stage on, they have this share of their final size. They have
+# it early, because a network needs a high learning rate to get used to larger pictures.
+GROWTH = ((0.0, 0.5), (0.2, 0.75), (0.4, 1.0))
 # Sizes are rounded to this many pixels, the step of the conv encoder's last map.
 STEP = 16
 # Smaller pictures than this do not show thin parts; networks for smaller ones do not grow.
